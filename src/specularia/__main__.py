@@ -1,0 +1,5 @@
+"""`python -m specularia`."""
+
+from specularia.cli import entry
+
+entry()

@@ -1,0 +1,72 @@
+"""What all commands share: options, JSON on stdout, everything else on stderr."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Annotated, Any
+
+import typer
+
+__all__ = ["Json", "Quiet", "Seed", "emit", "numbers", "session", "table"]
+
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout and nothing else there.")]
+Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="No progress, no notes.")]
+Seed = Annotated[int, typer.Option("--seed", help="Seed of the random streams; same seed, same answer.")]
+
+
+@contextmanager
+def session(*, quiet: bool) -> Iterator[None]:
+    """Progress and warnings go to stderr while a command runs; each warning is printed once."""
+    from specularia import progress
+
+    progress.show(not quiet)
+    seen: set[str] = set()
+
+    def tell(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
+        from specularia.errors import SpeculariaWarning
+
+        text = str(message)
+        if issubclass(category, SpeculariaWarning) and text not in seen:
+            seen.add(text)
+            print(f"warning: {text}", file=sys.stderr, flush=True)
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("always")
+        warnings.showwarning = tell
+        try:
+            yield
+        finally:
+            progress.show(False)
+
+
+def emit(payload: Mapping[str, Any], *, as_json: bool, lines: Sequence[str]) -> None:
+    """Print the payload as one JSON object, or the lines for a person to read."""
+    from specularia.provenance import to_json
+
+    print(to_json(payload) if as_json else "\n".join(lines))
+
+
+def table(header: Sequence[str], rows: Sequence[Sequence[Any]]) -> list[str]:
+    """Rows aligned in columns under a header; floats get four significant digits, None a dash."""
+
+    def text(value: Any) -> str:
+        if value is None or (isinstance(value, float) and value != value):
+            return "-"
+        return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+    cells = [list(map(str, header)), *[[text(v) for v in row] for row in rows]]
+    widths = [max(len(row[k]) for row in cells) for k in range(len(header))]
+    return ["  ".join(c.rjust(w) for c, w in zip(row, widths)) for row in cells]
+
+
+def numbers(text: str, *, option: str) -> list[float]:
+    """Numbers separated by commas, as in --theta 0,20,40."""
+    try:
+        return [float(part) for part in text.split(",") if part.strip()]
+    except ValueError as error:
+        raise typer.BadParameter(
+            f"{text!r} is not a list of numbers like 0,20,40", param_hint=option
+        ) from error

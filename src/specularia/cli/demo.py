@@ -1,0 +1,7 @@
+"""`specularia demo`."""
+
+from __future__ import annotations
+
+
+def demo() -> None:
+    """To be described."""

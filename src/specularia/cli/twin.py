@@ -1,0 +1,7 @@
+"""`specularia twin`."""
+
+from __future__ import annotations
+
+
+def twin() -> None:
+    """To be described."""

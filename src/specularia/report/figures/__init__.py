@@ -1,0 +1,21 @@
+"""One function per figure. Each draws a PNG, saves its numbers beside it and returns the path of the PNG."""
+
+from __future__ import annotations
+
+from specularia.report.figures.curves import sections, tau_curves
+from specularia.report.figures.distribution import dsf, measured_dsf
+from specularia.report.figures.finds import finds_by_colour, finds_on_plan
+from specularia.report.figures.luminance import luminance_maps
+from specularia.report.figures.surfaces import height_maps, micrographs
+
+__all__ = [
+    "dsf",
+    "finds_by_colour",
+    "finds_on_plan",
+    "height_maps",
+    "luminance_maps",
+    "measured_dsf",
+    "micrographs",
+    "sections",
+    "tau_curves",
+]

@@ -1,0 +1,134 @@
+"""Luminance maps of the lit room (the paper's Fig. 11)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib import patheffects
+from matplotlib.colors import LogNorm
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from numpy.typing import NDArray
+
+from specularia.report import style
+
+if TYPE_CHECKING:
+    from specularia.daylight import Image, Point
+
+__all__ = ["luminance_maps"]
+
+Array = NDArray[np.float64]
+
+_ISOLINES = (1.0, 3.0)
+"""Isolines per decade of luminance, as multiples of its power of ten."""
+
+
+def luminance_maps(
+    images: Sequence[Image],
+    path: str | Path,
+    *,
+    points: Sequence[Point] = (),
+    places: Mapping[str, tuple[float, float]] | None = None,
+    limits_cd_m2: tuple[float, float] | None = None,
+    synthetic: bool = False,
+) -> Path:
+    """Draw luminance in false colour with isolines, on one fixed logarithmic scale for all images.
+
+    Parameters
+    ----------
+    images : records with `model`, `name` and `luminance` [row, column] in cd/m2, row 0 at the top; one panel each.
+    path : PNG to write; an NPZ of the same name gets `luminance_k`, `model_k` and `name_k` per image k, and, where
+        points are given, `point_name`, `point_model`, `point_illuminance_lx` and `point_se_lx`.
+    points : illuminances (records with `name`, `model`, `illuminance_lx`, `se`), labelled in the panel of their
+        model: at their place where one is given, else in a line below the picture.
+    places : pixel (column, row from the top) of points by name.
+    limits_cd_m2 : ends of the scale; None takes three decades that end above the 99.9 % quantile of all images.
+    synthetic : True labels the figure.
+
+    Returns
+    -------
+    path of the PNG.
+    """
+    maps = [np.asarray(i.luminance, float) for i in images]
+    low, high = limits_cd_m2 if limits_cd_m2 is not None else _limits(maps)
+    norm = LogNorm(low, high)
+    levels = [
+        m * 10.0**e
+        for e in range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
+        for m in _ISOLINES
+        if low < m * 10.0**e < high
+    ]
+    places = places or {}
+    shape = maps[0].shape
+    width = 3.2
+    with style.canvas(width * len(images) + 0.9, width * shape[0] / shape[1] + 0.85) as figure:
+        axes = figure.subplots(1, len(images), squeeze=False)[0]
+        for k, (image, values) in enumerate(zip(images, maps)):
+            panel = axes[k]
+            picture = panel.imshow(
+                values, cmap=mpl.colormaps["inferno"].with_extremes(bad=style.NO_DATA), norm=norm, origin="upper"
+            )
+            shown = np.where(values > 0, values, np.nan)
+            lines = panel.contour(shown, levels=levels, colors="white", linewidths=0.45, alpha=0.75)
+            panel.clabel(lines, fontsize=4.8, inline=True, inline_spacing=1, fmt=lambda v: f"{v:g}")
+            panel.set_title(f"{style.letter(k)}  {image.model}")
+            panel.set(xticks=[], yticks=[], xlim=(-0.5, values.shape[1] - 0.5), ylim=(values.shape[0] - 0.5, -0.5))
+            for spine in panel.spines.values():
+                spine.set_visible(True)
+            below = []
+            for point in (p for p in points if p.model == image.model):
+                if point.name not in places:
+                    below.append(f"{point.name}: {_lux(point.illuminance_lx)}")
+                    continue
+                column, row = places[point.name]
+                panel.plot(column, row, marker="o", markersize=2.6, color="white", markeredgecolor="black",
+                           markeredgewidth=0.5)
+                panel.annotate(
+                    f"E = {_lux(point.illuminance_lx)}", (column, row), xytext=(0, 4), textcoords="offset points",
+                    ha="center", va="bottom", fontsize=6.3, color="white", fontweight="bold",
+                    path_effects=[patheffects.withStroke(linewidth=1.6, foreground="black")],
+                )
+            if below:
+                panel.set_xlabel(_wrapped(below), fontsize=6.5, labelpad=4)
+        bar = figure.colorbar(picture, ax=axes, extend="both", fraction=0.035, pad=0.015, aspect=24)
+        bar.set_label("luminance L (cd/m²)")
+        bar.ax.yaxis.set_major_locator(LogLocator(subs=_ISOLINES))
+        bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:,.4g}"))
+        bar.ax.yaxis.set_minor_formatter(NullFormatter())
+        for level in levels:
+            bar.ax.axhline(level, color="white", linewidth=0.45)
+        numbers: dict[str, object] = {}
+        for k, (image, values) in enumerate(zip(images, maps)):
+            numbers |= {
+                f"luminance_{k}": values.astype(np.float32), f"model_{k}": image.model, f"name_{k}": image.name
+            }
+        if points:
+            numbers |= {
+                "point_name": [p.name for p in points],
+                "point_model": [p.model for p in points],
+                "point_illuminance_lx": [p.illuminance_lx for p in points],
+                "point_se_lx": [p.se for p in points],
+            }
+        style.write_npz(Path(path).with_suffix(".npz"), numbers)
+        return style.save(figure, path, synthetic=synthetic)
+
+
+def _limits(maps: Sequence[Array]) -> tuple[float, float]:
+    """Three decades ending at the next 1, 2 or 5 above nearly all of the luminances."""
+    positive = np.concatenate([m[np.isfinite(m) & (m > 0)] for m in maps])
+    top = float(np.quantile(positive, 0.999)) if positive.size else 1.0
+    exponent = 10.0 ** np.floor(np.log10(top))
+    high = next(m * exponent for m in (1.0, 2.0, 5.0, 10.0) if m * exponent >= top)
+    return high / 1000.0, high
+
+
+def _lux(value: float) -> str:
+    """Illuminance to three significant digits."""
+    return f"{float(f'{value:.3g}'):,.6g} lx"
+
+
+def _wrapped(parts: Sequence[str], each: int = 2) -> str:
+    return "\n".join("   ".join(parts[i : i + each]) for i in range(0, len(parts), each))

@@ -1,0 +1,83 @@
+"""What a page is made of: sections of paragraphs, figures and tables."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+__all__ = ["Block", "Embed", "Figure", "Paragraph", "Section", "TableBlock"]
+
+Cell = str | int | float | None
+
+
+@dataclass(frozen=True)
+class Paragraph:
+    """Running text; the page escapes it."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A picture with its numbers.
+
+    Parameters
+    ----------
+    path : PNG, embedded in the page.
+    caption : states method, numbers, uncertainty and what is synthetic; the page numbers it.
+    data : CSV or NPZ with the figure's numbers, offered as a download; None looks for one beside the picture.
+    synthetic : True puts the label "synthetic" before the caption.
+    """
+
+    path: Path
+    caption: str
+    data: Path | None = None
+    synthetic: bool = False
+
+
+@dataclass(frozen=True)
+class TableBlock:
+    """A table with its numbers.
+
+    Parameters
+    ----------
+    header : names of the columns.
+    rows : cells; text stands as it is, floats get three significant decimals, None and NaN a dash.
+    caption : states method, numbers, uncertainty and what is synthetic; the page numbers it.
+    csv : file with the same numbers in full, offered as a download; None offers the rows themselves.
+    synthetic : True puts the label "synthetic" before the caption.
+    """
+
+    header: Sequence[str]
+    rows: Sequence[Sequence[Cell]]
+    caption: str
+    csv: Path | None = None
+    synthetic: bool = False
+
+
+@dataclass(frozen=True)
+class Embed:
+    """A self-contained HTML file (such as a view of a model) shown within the page.
+
+    Parameters
+    ----------
+    path : the HTML file; it is embedded whole.
+    caption : numbered with the figures.
+    synthetic : True puts the label "synthetic" before the caption.
+    """
+
+    path: Path
+    caption: str
+    synthetic: bool = False
+
+
+Block = Paragraph | Figure | TableBlock | Embed
+
+
+@dataclass(frozen=True)
+class Section:
+    """A titled part of a page."""
+
+    title: str
+    blocks: Sequence[Block]

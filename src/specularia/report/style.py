@@ -1,0 +1,153 @@
+"""The look of all figures: one font, one set of colours, perceptual maps, no-data drawn apart."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure as Canvas
+from matplotlib.patches import Rectangle
+
+from specularia.files import atomic
+
+__all__ = [
+    "COLOURS",
+    "DPI",
+    "NO_DATA",
+    "SYNTHETIC",
+    "canvas",
+    "colour_of",
+    "hatch",
+    "letter",
+    "numbers_beside",
+    "save",
+    "write_csv",
+    "write_npz",
+]
+
+DPI: Final = 200
+"""Pixels per inch of every figure."""
+
+NO_DATA: Final = "#d4d4d4"
+"""Face of no-data areas; grey hatching on it tells them from the lowest colour of a scale."""
+
+SYNTHETIC: Final = "synthetic: computed, not measured"
+"""Label on every figure of synthetic data."""
+
+COLOURS: Final = {
+    "measured": "#1a1a1a",
+    "M": "#0b6fa4",
+    "C": "#d1611e",
+    "clear slab": "#7a7a7a",
+}
+"""Colours of the series that recur through the figures; Okabe and Ito's blue and vermilion, darkened."""
+
+_MORE = ("#2a8f6d", "#a8447f", "#8a6d00", "#5b57a6")
+
+_SETTINGS = {
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 8.0,
+    "axes.titlesize": 8.5,
+    "axes.labelsize": 8.0,
+    "xtick.labelsize": 7.0,
+    "ytick.labelsize": 7.0,
+    "legend.fontsize": 7.5,
+    "legend.frameon": False,
+    "axes.linewidth": 0.7,
+    "xtick.major.width": 0.7,
+    "ytick.major.width": 0.7,
+    "xtick.direction": "out",
+    "ytick.direction": "out",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "lines.linewidth": 1.4,
+    "hatch.linewidth": 0.5,
+    "hatch.color": "#a0a0a0",
+    "image.interpolation": "nearest",
+    "axes.grid": False,
+}
+
+
+@contextmanager
+def canvas(width: float, height: float) -> Iterator[Canvas]:
+    """An empty figure in this style, size in inches; it uses no display and leaves global settings alone."""
+    with rc_context(_SETTINGS):
+        figure = Canvas(figsize=(width, height), dpi=DPI, layout="constrained")
+        FigureCanvasAgg(figure)
+        yield figure
+
+
+def save(figure: Canvas, path: str | Path, *, synthetic: bool = False) -> Path:
+    """Write the figure as PNG, with the label where its data are synthetic; the bytes repeat from run to run."""
+    if synthetic:
+        figure.supxlabel(SYNTHETIC, x=0.995, ha="right", fontsize=6.5, color="#8c2d04", style="italic")
+    path = Path(path)
+    with atomic(path) as temporary:
+        figure.savefig(temporary, format="png", dpi=DPI, facecolor="white", metadata={"Software": None})
+    return path
+
+
+def colour_of(name: str, index: int) -> str:
+    """Colour of a series: by name for those that recur, else by its place among the series."""
+    key = name.removeprefix("Model ").strip()
+    return COLOURS.get(key, _MORE[index % len(_MORE)])
+
+
+def hatch(axes: Axes, shape: Any = None) -> None:
+    """Fill the axes (or one patch) with the no-data pattern, under all else."""
+    patch = shape if shape is not None else Rectangle((0, 0), 1, 1, transform=axes.transAxes)
+    patch.set(facecolor=NO_DATA, edgecolor="#a0a0a0", linewidth=0.0, hatch="//////", zorder=0)
+    axes.add_patch(patch)
+
+
+def letter(index: int) -> str:
+    """The label of a panel: (a), (b), ... (z), (aa), ..."""
+    text = ""
+    index += 1
+    while index:
+        index, rest = divmod(index - 1, 26)
+        text = chr(ord("a") + rest) + text
+    return f"({text})"
+
+
+def numbers_beside(path: str | Path) -> Path | None:
+    """The CSV or NPZ that stands beside a picture under the same name, if there is one."""
+    for suffix in (".csv", ".npz"):
+        candidate = Path(path).with_suffix(suffix)
+        if candidate.exists():
+            return candidate
+    return None
+
+
+def write_csv(path: str | Path, header: Sequence[str], rows: Sequence[Sequence[Any]]) -> Path:
+    """Write rows as CSV; floats in their shortest exact form, NaN and None as empty cells."""
+    path = Path(path)
+    with atomic(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as f:
+        writer = csv.writer(f, lineterminator="\n")
+        writer.writerow(header)
+        writer.writerows([[_exact(v) for v in row] for row in rows])
+    return path
+
+
+def _exact(value: Any) -> Any:
+    if isinstance(value, np.generic):
+        value = value.item()
+    if value is None or (isinstance(value, float) and value != value):
+        return ""
+    return repr(value) if isinstance(value, float) else value
+
+
+def write_npz(path: str | Path, arrays: Mapping[str, Any]) -> Path:
+    """Write named arrays as a compressed NPZ."""
+    path = Path(path)
+    with atomic(path) as temporary, temporary.open("wb") as f:
+        np.savez_compressed(f, **{k: np.asarray(v) for k, v in arrays.items()})
+    return path
