@@ -2,6 +2,230 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
 import typer
 
-app = typer.Typer(no_args_is_help=True, help="To be described.")
+from specularia.cli._common import Json, Quiet, emit, numbers, session, table
+
+if TYPE_CHECKING:
+    from specularia.bsdf import TabulatedModel, XmlModel
+
+app = typer.Typer(
+    no_args_is_help=True, help="Scattering models and BSDF files: what they hold, what is wrong."
+)
+
+File = Annotated[
+    Path,
+    typer.Argument(help="A BSDF file: .xml (Klems or tensor tree, from anyone) or .nc.", show_default=False),
+]
+Band = Annotated[
+    str | None,
+    typer.Option("--band", help="Band of an .xml with several: Visible (default), Solar, CIE-X, CIE-Z."),
+]
+Phi = Annotated[float, typer.Option("--phi", help="Azimuth of the incident direction, degrees.")]
+
+
+class SideName(StrEnum):
+    """The sides of a pane."""
+
+    transmission_front = "transmission_front"
+    transmission_back = "transmission_back"
+    reflection_front = "reflection_front"
+    reflection_back = "reflection_back"
+
+
+@app.command()
+def info(file: File, as_json: Json = False, quiet: Quiet = False) -> None:
+    """What a file holds: basis, rank, resolution, bands, sides."""
+    with session(quiet=quiet):
+        from specularia import bsdf
+
+        model = bsdf.read(file)
+        tree = isinstance(model, bsdf.XmlModel)
+        payload = {
+            "file": str(file),
+            "format": "xml" if tree else "nc",
+            "basis": model.basis if isinstance(model, bsdf.XmlModel) else "tables at incident angles",
+            "rank": model.rank if isinstance(model, bsdf.XmlModel) else 3,
+            "resolution": model.resolution if isinstance(model, bsdf.XmlModel) else None,
+            "bands": list(model.bands) if isinstance(model, bsdf.XmlModel) else [model.band],
+            "sides": list(model.parts if isinstance(model, bsdf.XmlModel) else model.tables),
+            "answers": {s: model.origin(s) for s in model.sides},
+            "extrapolated_beyond_deg": getattr(model, "extrapolated_beyond_deg", {}),
+            "attributes": dict(model.attributes),
+        }
+        lines = [
+            f"{file}: {payload['basis']}"
+            + (f", rank {payload['rank']}" if payload["rank"] else "")
+            + (f", resolution 2^{payload['resolution']}" if payload["resolution"] else ""),
+            f"bands: {', '.join(model.bands if isinstance(model, bsdf.XmlModel) else [model.band])}",
+            *table(["side", "comes from"], [[s, model.origin(s)] for s in model.sides]),
+        ]
+        emit(payload, as_json=as_json, lines=lines)
+
+
+@app.command()
+def check(file: File, band: Band = None, as_json: Json = False, quiet: Quiet = False) -> None:
+    """What is wrong with a file, what to do about it, and which programs will take it."""
+    with session(quiet=quiet):
+        from dataclasses import asdict
+
+        from specularia import bsdf
+
+        model = bsdf.read(file, band=band)
+        checks, takers = bsdf.check(model), bsdf.programs(model)
+        payload = {
+            "file": str(file),
+            "checks": [asdict(c) for c in checks],
+            "programs": [asdict(p) for p in takers],
+        }
+        lines = [
+            f"{'ok  ' if c.ok else 'NOT '} {c.name}: {c.value:.3g} (limit {c.limit:g}). {c.advice}"
+            for c in checks
+        ]
+        lines += [f"{'yes ' if p.takes else 'no  '} {p.name}. {p.why}" for p in takers]
+        emit(payload, as_json=as_json, lines=lines)
+
+
+@app.command()
+def tau(
+    file: File,
+    theta: Annotated[
+        str, typer.Option("--theta", help="Incident angles, degrees, as 0,20,40.")
+    ] = "0,20,40,60,75",
+    phi: Phi = 0.0,
+    band: Band = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Direct-hemispherical transmission and reflection; null (a dash) outside the data."""
+    with session(quiet=quiet):
+        from specularia import bsdf
+
+        model = bsdf.read(file, band=band)
+        angles = numbers(theta, option="--theta")
+        values = {s: model.direct_hemispherical(s, angles, phi).tolist() for s in model.sides}
+        payload = {
+            "file": str(file),
+            "band": model.band,
+            "phi_deg": phi,
+            "theta_deg": angles,
+            **values,
+            "origin": {s: model.origin(s) for s in model.sides},
+            "extrapolated_beyond_deg": getattr(model, "extrapolated_beyond_deg", {}),
+        }
+        rows = [[t, *(values[s][k] for s in values)] for k, t in enumerate(angles)]
+        emit(payload, as_json=as_json, lines=table(["theta_i_deg", *values], rows))
+
+
+@app.command("slice")
+def slice_(
+    file: File,
+    theta: Annotated[
+        float, typer.Option("--theta", min=0.0, max=180.0, help="Incident angle; above 90 on the back.")
+    ],
+    output: Annotated[Path, typer.Option("-o", "--output", help="The .npz file to write.")],
+    phi: Phi = 0.0,
+    size: Annotated[int, typer.Option("--size", min=2, max=4096, help="Cells along either axis.")] = 201,
+    band: Band = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """The transmitted distribution for one incident direction, on a grid of direction cosines."""
+    with session(quiet=quiet):
+        import numpy as np
+
+        from specularia import bsdf
+        from specularia.files import atomic
+
+        if output.suffix != ".npz":
+            raise typer.BadParameter(f"{output} does not end in .npz", param_hint="-o")
+        if theta == 90.0:
+            raise typer.BadParameter("90 degrees is light along the pane", param_hint="--theta")
+        found = bsdf.transmitted_slice(bsdf.read(file, band=band), theta_deg=theta, phi_deg=phi, size=size)
+        with atomic(output) as temporary:
+            np.savez_compressed(temporary, ux=found.ux, uy=found.uy, bsdf=found.bsdf)
+        total = float(np.nansum(found.bsdf) * (2.0 / size) ** 2)
+        payload = {
+            "path": str(output.resolve()),
+            "side": found.side,
+            "theta_deg": theta,
+            "phi_deg": phi,
+            "tau": total,
+        }
+        emit(payload, as_json=as_json, lines=[f"{output}: {found.side}, tau {total:.4g} from the cells"])
+
+
+@app.command()
+def compare(
+    a: File,
+    b: Annotated[Path, typer.Argument(help="The file held against the first one.", show_default=False)],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the table and the figures.")],
+    theta: Annotated[
+        str, typer.Option("--theta", help="Incident angles, degrees; those of the tables unless given.")
+    ] = "",
+    phi: Phi = 0.0,
+    side: Annotated[
+        SideName, typer.Option("--side", help="The side compared.")
+    ] = SideName.transmission_front,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Two models side by side: a table, and figures of their distributions on one scale."""
+    with session(quiet=quiet):
+        from dataclasses import asdict, fields
+
+        from specularia import bsdf
+        from specularia.files import make_folder
+        from specularia.report import figures
+
+        models = {"A": bsdf.read(a), "B": bsdf.read(b)}
+        angles = numbers(theta, option="--theta") if theta else None
+        rows = bsdf.compare(*models.values(), theta_deg=angles, phi_deg=phi, side=side.value)
+        folder = make_folder(output)
+        files = [bsdf.write_csv(rows, folder / "compare.csv")]
+        named = {f"{k} {path.name}": m for (k, m), path in zip(models.items(), (a, b))}
+        shown = [r.theta_deg for r in rows if r.l1 == r.l1]
+        if shown:
+            picture = folder / "dsf.png"
+            files.append(
+                figures.dsf(
+                    named, shown, picture, side=side.value, phi_i_deg=phi, synthetic=_synthetic(models)
+                )
+            )
+        columns = [f.name for f in fields(bsdf.Comparison)]
+        payload = {
+            "a": str(a),
+            "b": str(b),
+            "side": side.value,
+            "angles": [asdict(r) for r in rows],
+            **{c: [getattr(r, c) for r in rows] for c in columns},
+            "files": [str(f.resolve()) for f in files],
+        }
+        lines = table(columns, [[getattr(r, c) for c in columns] for r in rows])
+        emit(payload, as_json=as_json, lines=[*lines, f"{folder}: {', '.join(f.name for f in files)}"])
+
+
+@app.command()
+def view(
+    file: File,
+    output: Annotated[Path, typer.Option("-o", "--output", help="The .html file to write.")],
+    band: Band = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """An interactive picture in one file that opens offline."""
+    with session(quiet=quiet):
+        from specularia import bsdf
+        from specularia.report.viewer import write_view
+
+        models = {file.stem: bsdf.read(file, band=band)}
+        path = write_view(models, output, title=file.name, synthetic=_synthetic(models))
+        emit({"path": str(path.resolve())}, as_json=as_json, lines=[str(path)])
+
+
+def _synthetic(models: dict[str, TabulatedModel | XmlModel]) -> bool:
+    return any("synthetic" in m.attributes for m in models.values())

@@ -1,7 +1,7 @@
 """Figures, tables, the page and the viewer.
 
-`figures` draws one picture per function and saves its numbers beside it; `page` writes one self-contained HTML
-file from records; `viewer.write_view` writes an interactive picture of scattering models that opens offline.
+`figures` draws one picture per function and saves its numbers beside it; `page` writes one self-contained
+HTML file from records; `viewer.write_view` writes an interactive picture of models that opens offline.
 """
 
 from __future__ import annotations

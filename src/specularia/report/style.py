@@ -13,7 +13,7 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as Canvas
-from matplotlib.patches import Rectangle
+from matplotlib.patches import Patch, Rectangle
 
 from specularia.files import atomic
 
@@ -26,6 +26,8 @@ __all__ = [
     "colour_of",
     "hatch",
     "letter",
+    "model_name",
+    "no_data_patch",
     "numbers_beside",
     "save",
     "write_csv",
@@ -38,7 +40,7 @@ DPI: Final = 200
 NO_DATA: Final = "#d4d4d4"
 """Face of no-data areas; grey hatching on it tells them from the lowest colour of a scale."""
 
-SYNTHETIC: Final = "synthetic: computed, not measured"
+SYNTHETIC: Final = "synthetic data"
 """Label on every figure of synthetic data."""
 
 COLOURS: Final = {
@@ -51,7 +53,7 @@ COLOURS: Final = {
 
 _MORE = ("#2a8f6d", "#a8447f", "#8a6d00", "#5b57a6")
 
-_SETTINGS = {
+_SETTINGS: Any = {
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans"],
     "font.size": 8.0,
@@ -86,7 +88,7 @@ def canvas(width: float, height: float) -> Iterator[Canvas]:
 
 
 def save(figure: Canvas, path: str | Path, *, synthetic: bool = False) -> Path:
-    """Write the figure as PNG, with the label where its data are synthetic; the bytes repeat from run to run."""
+    """Write the figure as PNG, labelled where its data are synthetic; its bytes repeat from run to run."""
     if synthetic:
         figure.supxlabel(SYNTHETIC, x=0.995, ha="right", fontsize=6.5, color="#8c2d04", style="italic")
     path = Path(path)
@@ -101,11 +103,21 @@ def colour_of(name: str, index: int) -> str:
     return COLOURS.get(key, _MORE[index % len(_MORE)])
 
 
+def model_name(name: str) -> str:
+    """Name of a model as readers know it: one letter alone becomes "Model M"."""
+    return f"Model {name}" if len(name) == 1 and name.isalpha() else name
+
+
 def hatch(axes: Axes, shape: Any = None) -> None:
     """Fill the axes (or one patch) with the no-data pattern, under all else."""
     patch = shape if shape is not None else Rectangle((0, 0), 1, 1, transform=axes.transAxes)
     patch.set(facecolor=NO_DATA, edgecolor="#a0a0a0", linewidth=0.0, hatch="//////", zorder=0)
     axes.add_patch(patch)
+
+
+def no_data_patch(label: str) -> Patch:
+    """The no-data pattern as an entry of a legend."""
+    return Patch(facecolor=NO_DATA, edgecolor="#a0a0a0", hatch="//////", linewidth=0.0, label=label)
 
 
 def letter(index: int) -> str:
@@ -149,5 +161,6 @@ def write_npz(path: str | Path, arrays: Mapping[str, Any]) -> Path:
     """Write named arrays as a compressed NPZ."""
     path = Path(path)
     with atomic(path) as temporary, temporary.open("wb") as f:
-        np.savez_compressed(f, **{k: np.asarray(v) for k, v in arrays.items()})
+        values: dict[str, Any] = {k: np.asarray(v) for k, v in arrays.items()}
+        np.savez_compressed(f, **values)
     return path

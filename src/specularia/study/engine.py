@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from specularia import files, progress, provenance
-from specularia.errors import OutputError
+from specularia.errors import FormatError, OutputError
 from specularia.study.code import code_digest
 
 __all__ = ["Run", "Stage", "Step", "Work", "execute", "plan"]
@@ -35,18 +35,44 @@ class Work:
     ----------
     folder : where it writes its products.
     parameters : its settings.
-    inputs : files from outside the study, by the name the stage gave them.
+    inputs : files from outside the study, by role.
+    within : files in the results of other stages, by role: names of the stages and patterns.
     results : result folders of the stages it needs.
     """
 
     folder: Path
     parameters: Mapping[str, Any]
     inputs: Mapping[str, tuple[Path, ...]]
+    within: Mapping[str, tuple[tuple[str, str], ...]]
     results: Mapping[str, Path]
+
+    def files(self, role: str) -> list[Path]:
+        """All files of a role, those from outside first; empty if the study does not have the role."""
+        found = list(self.inputs.get(role, ()))
+        for stage, pattern in self.within.get(role, ()):
+            here = sorted(self.results[stage].glob(pattern))
+            if not here:
+                raise FormatError(
+                    file=self.results[stage] / pattern,
+                    expected=f"a file that the stage {stage} made",
+                    found="none of that name",
+                    advice="Look into that folder and correct the path in the study.",
+                )
+            found += here
+        return found
+
+    def file(self, role: str) -> Path:
+        """The one file of a role."""
+        (path,) = self.files(role)
+        return path
+
+    def manifest(self, stage: str) -> dict[str, Any]:
+        """The record of a needed stage's result: its key, inputs, parameters, versions and summary."""
+        return _read_manifest(self.results[stage])
 
     def summary(self, stage: str) -> dict[str, Any]:
         """What a needed stage returned: a few numbers and names, as JSON holds them."""
-        return dict(_read_manifest(self.results[stage])["summary"])
+        return dict(self.manifest(stage)["summary"])
 
 
 @dataclass(frozen=True)
@@ -59,7 +85,8 @@ class Stage:
     run : writes its products into `Work.folder` and returns a summary that JSON can hold.
     needs : names of stages whose results it reads.
     parameters : settings that shape the result.
-    inputs : files or folders it reads, by role.
+    inputs : files or folders from outside that it reads, by role.
+    within : what it reads in the results of stages it needs, by role: stage and pattern.
     link : name of the link in the output folder that leads to the current result; the stage's name if empty.
     """
 
@@ -68,6 +95,7 @@ class Stage:
     needs: tuple[str, ...] = ()
     parameters: Mapping[str, Any] = field(default_factory=dict)
     inputs: Mapping[str, tuple[Path, ...]] = field(default_factory=dict)
+    within: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=dict)
     link: str = ""
 
 
@@ -174,7 +202,7 @@ def _compute(step: Step, folders: Mapping[str, Path]) -> float:
     began = time.perf_counter()
     with files.atomic_folder(step.folder) as folder:
         results = {n: folders[n] for n in stage.needs}
-        summary = stage.run(Work(folder, stage.parameters, stage.inputs, results))
+        summary = stage.run(Work(folder, stage.parameters, stage.inputs, stage.within, results))
         seconds = time.perf_counter() - began
         made = {p.relative_to(folder).as_posix(): p.stat().st_size for p in folder.rglob("*") if p.is_file()}
         files.write_json(
@@ -203,6 +231,7 @@ def _ingredients(stage: Stage, steps: Mapping[str, Step], digests: dict[Path, st
         "code": code_digest(stage.run),
         "parameters": json.loads(provenance.to_json(stage.parameters)),
         "inputs": {role: [file(p) for p in paths] for role, paths in stage.inputs.items()},
+        "within": json.loads(provenance.to_json(stage.within)),
         "needs": {name: steps[name].key for name in stage.needs},
     }
 
@@ -263,6 +292,7 @@ def _reason(missing: str, out: Path, previous: str | None, now: Mapping[str, Any
         "code": "the program changed",
         "parameters": "settings changed",
         "inputs": "input files changed",
+        "within": "input files changed",
         "needs": f"{_NEW} for what it needs now",
     }
     for part, text in changes.items():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import matplotlib as mpl
 import numpy as np
@@ -14,17 +14,23 @@ from numpy.typing import NDArray
 
 from specularia.report.style import hatch
 
-__all__ = ["DECADES", "Pixels", "colours", "draw", "pixels", "scale"]
+if TYPE_CHECKING:
+    from specularia.bsdf import ScatteringModel
+
+__all__ = ["COLOURS", "DECADES", "Pixels", "colours", "draw", "mean_dsf", "pixels", "scale"]
 
 Array = NDArray[np.float64]
 
 DECADES: Final = 5
 """Decades of the logarithmic scale of all DSF figures."""
 
+COLOURS: Final = "inferno"
+"""Colour map of all DSF figures."""
+
 
 @dataclass(frozen=True)
 class Pixels:
-    """Square pixels over a hemisphere in equidistant projection: the polar angle is the distance from the middle.
+    """Square pixels over a hemisphere in equidistant projection (distance from the middle: polar angle).
 
     Parameters
     ----------
@@ -75,9 +81,19 @@ def pixels(n: int = 300, oversample: int = 3) -> Pixels:
     )
 
 
+def mean_dsf(model: ScatteringModel, side: str, theta_i_deg: float, phi_i_deg: float, grid: Pixels) -> Array:
+    """Mean DSF of each pixel; NaN throughout where the model has no data for the angle."""
+    values = np.full(grid.ux.shape, np.nan)
+    inside = np.isfinite(grid.ux)
+    if np.isfinite(model.direct_hemispherical(side, theta_i_deg, phi_i_deg)):
+        bsdf = model.evaluate(side, theta_i_deg, phi_i_deg, grid.ux[inside], grid.uy[inside])
+        values[inside] = bsdf * grid.cosine[inside]
+    return grid.mean(values)
+
+
 def colours() -> Colormap:
     """The colour map of DSF pictures; no-data is transparent, so that the hatching under it shows."""
-    return mpl.colormaps["inferno"].with_extremes(bad=(0, 0, 0, 0), under=(0.0, 0.0, 0.02))
+    return mpl.colormaps[COLOURS].with_extremes(bad=(0, 0, 0, 0), under=(0.0, 0.0, 0.02))
 
 
 def scale(*values: Array) -> LogNorm:
@@ -110,8 +126,14 @@ def draw(axes: Axes, image: Array, norm: LogNorm, *, theta_i_deg: float, phi_i_d
         axes.add_patch(Circle((0, 0), ring, fill=False, edgecolor="white", alpha=0.45, linewidth=0.5))
         a = np.radians(67.5)
         axes.text(
-            ring * np.cos(a), ring * np.sin(a), f"{ring:.0f}°", color="white", alpha=0.8, fontsize=5.5,
-            ha="center", va="center",
+            ring * np.cos(a),
+            ring * np.sin(a),
+            f"{ring:.0f}°",
+            color="white",
+            alpha=0.8,
+            fontsize=5.5,
+            ha="center",
+            va="center",
         )
     axes.add_patch(Circle((0, 0), 90.0, fill=False, edgecolor="#333333", linewidth=0.7))
     for phi in range(0, 360, 30):
@@ -121,13 +143,22 @@ def draw(axes: Axes, image: Array, norm: LogNorm, *, theta_i_deg: float, phi_i_d
         axes.plot([30 * c, 90 * c], [30 * s, 90 * s], color="white", alpha=0.18, linewidth=0.4)
         if phi % 90 == 0:
             axes.text(
-                99 * c, 99 * s, f"{phi}°", fontsize=6, color="#333333",
+                99 * c,
+                99 * s,
+                f"{phi}°",
+                fontsize=6,
+                color="#333333",
                 ha="center" if phi % 180 else ("left" if c > 0 else "right"),
                 va="center" if phi % 180 == 0 else ("bottom" if s > 0 else "top"),
             )
     a = np.radians(phi_i_deg + 180.0)
     axes.plot(
-        theta_i_deg * np.cos(a), theta_i_deg * np.sin(a), marker="+", color="#39d0ff", markersize=4.5,
-        markeredgewidth=0.7, linestyle="none",
+        theta_i_deg * np.cos(a),
+        theta_i_deg * np.sin(a),
+        marker="+",
+        color="#39d0ff",
+        markersize=4.5,
+        markeredgewidth=0.7,
+        linestyle="none",
     )
     return picture

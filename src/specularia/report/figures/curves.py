@@ -32,8 +32,8 @@ def tau_curves(
 ) -> Path:
     """Draw direct-hemispherical transmission (or reflection) over the angle of incidence.
 
-    Models are lines, dashed where they extrapolate beyond their last angle of data; measured values are points
-    with error bars of two standard errors; the clear slab is a thin grey line.
+    Models are lines, dashed where they extrapolate beyond their last angle of data; measured values are
+    points with error bars of two standard errors; the clear slab is a thin grey line.
 
     Parameters
     ----------
@@ -65,31 +65,48 @@ def tau_curves(
             # The joint of the full and the dashed line is the last angle with data.
             at_last = np.asarray(model.direct_hemispherical(side, np.array([last]), phi_i_deg), float)
             inner = np.append(theta[~beyond], last) if beyond.any() else theta
-            axes.plot(inner, np.append(tau[~beyond], at_last) if beyond.any() else tau, color=colour, label=name)
+            axes.plot(
+                inner,
+                np.append(tau[~beyond], at_last) if beyond.any() else tau,
+                color=colour,
+                label=style.model_name(name),
+            )
             if beyond.any():
                 axes.plot(
-                    np.insert(theta[beyond], 0, last), np.insert(tau[beyond], 0, at_last),
-                    color=colour, linestyle=(0, (3, 2)),
+                    np.insert(theta[beyond], 0, last),
+                    np.insert(tau[beyond], 0, at_last),
+                    color=colour,
+                    linestyle=(0, (3, 2)),
                 )
             rows += [(name, a, b, np.nan, bool(c)) for a, b, c in zip(theta, tau, beyond)]
         if measured is not None:
             axes.errorbar(
-                measured.theta_deg, measured.tau, yerr=2.0 * np.asarray(measured.se, float),
-                color=style.COLOURS["measured"], linestyle="none", marker="o", markersize=3.5, capsize=2.5,
-                elinewidth=0.9, label="measured (± 2 s.e.)", zorder=5,
+                measured.theta_deg,
+                measured.tau,
+                yerr=2.0 * np.asarray(measured.se, float),
+                color=style.COLOURS["measured"],
+                linestyle="none",
+                marker="o",
+                markersize=3.5,
+                capsize=2.5,
+                elinewidth=0.9,
+                label="measured (± 2 s.e.)",
+                zorder=5,
+                clip_on=False,
             )
             rows += [("measured", *v, False) for v in zip(measured.theta_deg, measured.tau, measured.se)]
         if any(r[4] for r in rows):
             axes.plot([], [], color="#555555", linestyle=(0, (3, 2)), label="extrapolated")
         symbol = r"\tau" if side.startswith("transmission") else r"\rho"
         axes.set(xlim=(0, 90), ylim=(0, 1), xlabel=r"angle of incidence $\theta_i$ (°)")
-        axes.set_ylabel(rf"direct-hemispherical ${symbol}_{{d-h}}$")
+        axes.set_ylabel(rf"direct-hemispherical ${symbol}_{{\mathrm{{dh}}}}$")
         axes.set_xticks(range(0, 91, 15))
         axes.grid(color="#e6e6e6", linewidth=0.6)
         axes.set_axisbelow(True)
-        axes.legend(loc="lower left")
+        axes.legend(loc="best")
         style.write_csv(
-            Path(path).with_suffix(".csv"), ("series", "theta_i_deg", "tau", "se", "extrapolated"),
+            Path(path).with_suffix(".csv"),
+            ("series", "theta_i_deg", "tau", "se", "extrapolated"),
             [(a, float(b), float(c), float(d), int(e)) for a, b, c, d, e in rows],
         )
         return style.save(figure, path, synthetic=synthetic)
@@ -105,8 +122,8 @@ def sections(
 ) -> Path:
     """Draw the DSF of models in the plane of incidence (phi_i = 0), one panel per angle, logarithmic.
 
-    The horizontal axis is the signed polar angle of the outgoing direction: positive on the side the light comes
-    from (phi_s = 0), negative on the other (phi_s = 180), so that undeflected light leaves at -theta_i.
+    The horizontal axis is the signed polar angle of the outgoing direction: positive on the side the light
+    comes from (phi_s = 0), negative on the other (phi_s = 180), so that undeflected light leaves at -theta_i.
 
     Parameters
     ----------
@@ -130,7 +147,9 @@ def sections(
             for j, (name, model) in enumerate(models.items()):
                 values = np.asarray(model.evaluate(side, theta, 0.0, u, np.zeros_like(u)), float) * cosine
                 rows += [(name, float(theta), float(a), float(v)) for a, v in zip(angle, values)]
-                panel.plot(angle, values, color=style.colour_of(name, j), linewidth=1.1, label=name)
+                panel.plot(
+                    angle, values, color=style.colour_of(name, j), linewidth=1.1, label=style.model_name(name)
+                )
                 top = max(top, float(np.nanmax(values, initial=0.0)))
             panel.axvline(-theta, color="#999999", linewidth=0.7, linestyle=":")
             panel.set_title(f"{style.letter(k)}  $\\theta_i$ = {theta:g}°")

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 from numpy.typing import ArrayLike, NDArray
 
 from specularia.report import style
@@ -27,6 +26,9 @@ Array = NDArray[np.float64]
 _CELL = 2.15
 """Size of one hemisphere on paper, inches."""
 
+_REACH_DEG = 1.5
+"""How far a measured point colours the hemisphere around it at most."""
+
 
 def dsf(
     models: Mapping[str, ScatteringModel],
@@ -39,20 +41,20 @@ def dsf(
 ) -> Path:
     """Draw the DSF of models over the outgoing hemisphere: a row per model, a column per angle.
 
-    DSF = BSDF |cos theta_s|, in 1/sr, on one logarithmic scale of five decades. The hemisphere is seen from the
-    front of the sample (x to the right, y up, azimuth counter-clockwise); the distance from the middle is the
-    polar angle from the normal of the face the light leaves by, as in the paper's Fig. 6 and 9. A cross marks
-    where undeflected light leaves. Each pixel shows the mean of the DSF over its solid angle, so that a narrow
-    lobe neither slips between pixels nor gains power.
+    DSF = BSDF |cos theta_s|, in 1/sr, on one logarithmic scale of five decades. The hemisphere is seen from
+    the front of the sample (x to the right, y up, azimuth counter-clockwise); the distance from the middle is
+    the polar angle from the normal of the face the light leaves by, as in the paper's Fig. 6 and 9. A cross
+    marks where undeflected light leaves. Each pixel shows the mean of the DSF over its solid angle, so that a
+    narrow lobe neither slips between pixels nor gains power.
 
     Parameters
     ----------
     models : by name, in the order of the rows.
-    theta_deg : array [N], angles of incidence (degrees, 0 to 90), in the order of the columns. Where a model has
-        no data, the panel is hatched.
+    theta_deg : array [N], angles of incidence (degrees, 0 to 90), in the order of the columns. Where a model
+        has no data, the panel is hatched.
     path : PNG to write; an NPZ of the same name gets `theta_i_deg` [N], `edge_deg` [n + 1], `solid_angle_sr`
-        [n, n], `models` [R] and `dsf` [R, N, n, n] (rows from the lowest y up, columns from the lowest x). The
-        sum of dsf * solid_angle_sr over a panel is its direct-hemispherical value.
+        [n, n], `models` [R] and `dsf` [R, N, n, n] (rows from the lowest y up, columns from the lowest x).
+        The sum of dsf * solid_angle_sr over a panel, NaN left out, is its direct-hemispherical value.
     side : one of `conventions.SIDES`.
     phi_i_deg : azimuth of the incident direction, degrees.
     synthetic : True labels the figure.
@@ -66,7 +68,7 @@ def dsf(
     panels = np.empty((len(models), angles.size, *grid.solid_angle.shape), np.float32)
     for r, model in enumerate(models.values()):
         for c, theta in enumerate(angles):
-            panels[r, c] = _mean_dsf(model, side, float(theta), phi_i_deg, grid)
+            panels[r, c] = _hemisphere.mean_dsf(model, side, float(theta), phi_i_deg, grid)
     style.write_npz(
         Path(path).with_suffix(".npz"),
         {
@@ -91,10 +93,17 @@ def dsf(
                 if r == 0:
                     axes[r, c].set_title(f"{style.letter(c)}  $\\theta_i$ = {theta:g}°", pad=9)
             axes[r, 0].text(
-                -0.07, 0.5, name, transform=axes[r, 0].transAxes, rotation=90, ha="right", va="center",
-                fontsize=9, fontweight="bold",
+                -0.13,
+                0.5,
+                style.model_name(name),
+                transform=axes[r, 0].transAxes,
+                rotation=90,
+                ha="right",
+                va="center",
+                fontsize=9,
+                fontweight="bold",
             )
-        _bar(figure, picture, axes)
+        _bar(figure, picture, axes, no_data=bool(np.isnan(panels[..., grid.solid_angle > 0]).any()))
         return style.save(figure, path, synthetic=synthetic)
 
 
@@ -103,15 +112,15 @@ def measured_dsf(
 ) -> Path:
     """Draw measured DSF as the points lie: one hemisphere per table (the paper's Fig. 6).
 
-    Each point is a disk as wide as the distance to its fourth neighbour; nothing is interpolated, smoothed or
-    cleaned. Where no point lies, the hemisphere is hatched; points at or below zero take the colour below the
-    scale. Orientation and scale as in `dsf`; tables of BSDF are multiplied by |cos theta_s|.
+    Each pixel takes the colour of the nearest point; nothing is interpolated, smoothed or cleaned. Where no
+    point lies within 1.5 degrees, the hemisphere is hatched; points at or below zero take the colour below
+    the scale. Orientation and scale as in `dsf`; tables of BSDF are multiplied by |cos theta_s|.
 
     Parameters
     ----------
     tables : one panel each, in this order.
-    path : PNG to write; an NPZ of the same name gets, per table k, `theta_i_deg_k`, `phi_i_deg_k` (of the file),
-        `theta_s_deg_k`, `phi_s_deg_k` (this package's frame) and `dsf_k` (1/sr), as measured.
+    path : PNG to write; an NPZ of the same name gets, per table k, `theta_i_deg_k`, `phi_i_deg_k` (of the
+        file), `theta_s_deg_k`, `phi_s_deg_k` (this package's frame) and `dsf_k` (1/sr), as measured.
     columns : panels in a row at most.
     synthetic : True labels the figure.
 
@@ -119,7 +128,7 @@ def measured_dsf(
     -------
     path of the PNG.
     """
-    numbers: dict[str, object] = {"tables": [Path(t.file).name for t in tables]}
+    numbers: dict[str, object] = {"tables": [t.label for t in tables]}
     images = []
     for k, table in enumerate(tables):
         values = _as_dsf(table)
@@ -130,7 +139,7 @@ def measured_dsf(
             f"phi_s_deg_{k}": table.phi_s_deg,
             f"dsf_{k}": values,
         }
-        images.append(_disks(table.theta_s_deg, table.phi_s_deg, values))
+        images.append(_nearest(table, values))
     style.write_npz(Path(path).with_suffix(".npz"), numbers)
     norm = _hemisphere.scale(*images)
     columns = min(columns, len(tables))
@@ -140,65 +149,42 @@ def measured_dsf(
         for extra in axes.flat[len(tables) :]:
             extra.axis("off")
         for k, (table, image) in enumerate(zip(tables, images)):
-            polar = min(table.theta_i_deg, 180.0 - table.theta_i_deg)
             picture = _hemisphere.draw(
-                axes.flat[k], image, norm, theta_i_deg=polar, phi_i_deg=_incident_azimuth(table)
+                axes.flat[k], image, norm, theta_i_deg=table.polar_deg, phi_i_deg=table.azimuth_deg
             )
-            axes.flat[k].set_title(f"{style.letter(k)}  $\\theta_i$ = {polar:g}°", pad=9)
-        _bar(figure, picture, axes)
+            axes.flat[k].set_title(f"{style.letter(k)}  $\\theta_i$ = {table.polar_deg:g}°", pad=9)
+        _bar(figure, picture, axes, no_data=True)
         return style.save(figure, path, synthetic=synthetic)
-
-
-def _mean_dsf(
-    model: ScatteringModel, side: str, theta_i_deg: float, phi_i_deg: float, grid: _hemisphere.Pixels
-) -> Array:
-    """Mean DSF of each pixel; NaN throughout where the model has no data for the angle."""
-    values = np.full(grid.ux.shape, np.nan)
-    inside = np.isfinite(grid.ux)
-    if np.isfinite(model.direct_hemispherical(side, theta_i_deg, phi_i_deg)):
-        bsdf = model.evaluate(side, theta_i_deg, phi_i_deg, grid.ux[inside], grid.uy[inside])
-        values[inside] = bsdf * grid.cosine[inside]
-    return grid.mean(values)
 
 
 def _as_dsf(table: Table) -> Array:
     """The table's values as DSF, 1/sr."""
     values = np.asarray(table.values, float)
-    return values if table.quantity == "DSF" else values * np.abs(np.cos(np.radians(table.theta_s_deg)))
+    return values if table.quantity == "DSF" else values * table.cos_s
 
 
-def _disks(theta_s_deg: Array, phi_s_deg: Array, values: Array, n: int = 360) -> Array:
-    """Points as disks on a picture of n x n pixels; NaN between them. Where disks overlap the nearest wins."""
+def _nearest(table: Table, values: Array, n: int = 360) -> Array:
+    """Picture [n, n] of the values of the nearest points; NaN where none is near or below the horizon."""
     from scipy.spatial import cKDTree
 
-    polar = np.minimum(theta_s_deg, 180.0 - theta_s_deg)
-    phi = np.radians(phi_s_deg)
-    points = np.column_stack([polar * np.cos(phi), polar * np.sin(phi)])
-    tree = cKDTree(points)
-    pixel = 180.0 / n
-    neighbours = min(4, len(points) - 1)
-    spacing = tree.query(points, k=neighbours + 1)[0][:, -1] if neighbours else np.zeros(len(points))
-    # At least a pixel, so that no lone point is lost; at most 3 degrees, so that gaps stay gaps.
-    radius = np.clip(spacing, 0.75 * pixel, 3.0)
-    centre = (np.arange(n) + 0.5) * pixel - 90.0
+    polar = np.minimum(table.theta_s_deg, 180.0 - table.theta_s_deg)
+    phi = np.radians(table.phi_s_deg)
+    tree = cKDTree(np.column_stack([polar * np.cos(phi), polar * np.sin(phi)]))
+    centre = (np.arange(n) + 0.5) * (180.0 / n) - 90.0
     x, y = np.meshgrid(centre, centre)
-    distance, nearest = tree.query(np.column_stack([x.ravel(), y.ravel()]))
-    drawn = (distance <= radius[nearest]) & (np.hypot(x, y).ravel() <= 90.0)
-    return np.where(drawn, values[nearest], np.nan).reshape(n, n)
+    distance, nearest = tree.query(np.column_stack([x.ravel(), y.ravel()]), distance_upper_bound=_REACH_DEG)
+    drawn = np.isfinite(distance) & (np.hypot(x, y).ravel() <= 90.0)
+    return np.where(drawn, np.append(values, np.nan)[nearest], np.nan).reshape(n, n)
 
 
-def _incident_azimuth(table: Table) -> float:
-    """Azimuth of the incident direction in this package's frame."""
-    return float(table.phi_i_deg)
-
-
-def _bar(figure: Canvas, picture: Any, axes: Any) -> None:
-    """The colour bar of all panels, with the meaning of the hatching and of the cross."""
+def _bar(figure: Canvas, picture: Any, axes: Any, *, no_data: bool) -> None:
+    """The colour bar of all panels, with the meaning of the cross and of the hatching."""
     bar = figure.colorbar(picture, ax=axes, extend="both", fraction=0.03, pad=0.02, aspect=32, shrink=0.92)
     bar.set_label("DSF (1/sr)")
     bar.ax.tick_params(which="minor", length=0)
-    handles = [
-        Patch(facecolor=style.NO_DATA, edgecolor="#a0a0a0", hatch="//////", linewidth=0.0, label="no data"),
-        Line2D([], [], marker="+", linestyle="none", color="#0094c6", label="undeflected"),
+    handles: list[Any] = [
+        Line2D([], [], marker="+", linestyle="none", color="#0094c6", label="undeflected direction")
     ]
+    if no_data:
+        handles.append(style.no_data_patch("no data"))
     figure.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=6.5, handletextpad=0.5)

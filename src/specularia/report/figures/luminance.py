@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib import patheffects
+from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
@@ -25,13 +26,15 @@ Array = NDArray[np.float64]
 _ISOLINES = (1.0, 3.0)
 """Isolines per decade of luminance, as multiples of its power of ten."""
 
+_GENTLE = 0.03
+"""Decades of luminance per pixel up to which an isoline gets a label."""
+
 
 def luminance_maps(
     images: Sequence[Image],
     path: str | Path,
     *,
     points: Sequence[Point] = (),
-    places: Mapping[str, tuple[float, float]] | None = None,
     limits_cd_m2: tuple[float, float] | None = None,
     synthetic: bool = False,
 ) -> Path:
@@ -39,13 +42,15 @@ def luminance_maps(
 
     Parameters
     ----------
-    images : records with `model`, `name` and `luminance` [row, column] in cd/m2, row 0 at the top; one panel each.
-    path : PNG to write; an NPZ of the same name gets `luminance_k`, `model_k` and `name_k` per image k, and, where
-        points are given, `point_name`, `point_model`, `point_illuminance_lx` and `point_se_lx`.
-    points : illuminances (records with `name`, `model`, `illuminance_lx`, `se`), labelled in the panel of their
-        model: at their place where one is given, else in a line below the picture.
-    places : pixel (column, row from the top) of points by name.
-    limits_cd_m2 : ends of the scale; None takes three decades that end above the 99.9 % quantile of all images.
+    images : records with `model`, `name`, `luminance` [row, column] in cd/m2, row 0 at the top, and `pixels`;
+        one panel each.
+    path : PNG to write; an NPZ of the same name gets `luminance_k`, `model_k` and `name_k` per image k, and,
+        where points are given, `point_name`, `point_model`, `point_illuminance_lx` and `point_se_lx`.
+    points : illuminances (records with `name`, `model`, `illuminance_lx`, `se`), labelled in the panel of
+        their model: at their pixel where the image has one for the name (`pixels`), else in a line below the
+        picture.
+    limits_cd_m2 : ends of the scale; None takes three decades that end above the 99.9 % quantile of all
+        images.
     synthetic : True labels the figure.
 
     Returns
@@ -61,7 +66,6 @@ def luminance_maps(
         for m in _ISOLINES
         if low < m * 10.0**e < high
     ]
-    places = places or {}
     shape = maps[0].shape
     width = 3.2
     with style.canvas(width * len(images) + 0.9, width * shape[0] / shape[1] + 0.85) as figure:
@@ -69,31 +73,51 @@ def luminance_maps(
         for k, (image, values) in enumerate(zip(images, maps)):
             panel = axes[k]
             picture = panel.imshow(
-                values, cmap=mpl.colormaps["inferno"].with_extremes(bad=style.NO_DATA), norm=norm, origin="upper"
+                values,
+                cmap=mpl.colormaps["inferno"].with_extremes(bad=style.NO_DATA),
+                norm=norm,
+                origin="upper",
             )
             shown = np.where(values > 0, values, np.nan)
             lines = panel.contour(shown, levels=levels, colors="white", linewidths=0.45, alpha=0.75)
-            panel.clabel(lines, fontsize=4.8, inline=True, inline_spacing=1, fmt=lambda v: f"{v:g}")
-            panel.set_title(f"{style.letter(k)}  {image.model}")
-            panel.set(xticks=[], yticks=[], xlim=(-0.5, values.shape[1] - 0.5), ylim=(values.shape[0] - 0.5, -0.5))
+            _label(panel, lines, shown)
+            panel.set_title(f"{style.letter(k)}  {style.model_name(image.model)}")
+            panel.set(
+                xticks=[], yticks=[], xlim=(-0.5, values.shape[1] - 0.5), ylim=(values.shape[0] - 0.5, -0.5)
+            )
             for spine in panel.spines.values():
                 spine.set_visible(True)
             below = []
             for point in (p for p in points if p.model == image.model):
-                if point.name not in places:
+                if point.name not in image.pixels:
                     below.append(f"{point.name}: {_lux(point.illuminance_lx)}")
                     continue
-                column, row = places[point.name]
-                panel.plot(column, row, marker="o", markersize=2.6, color="white", markeredgecolor="black",
-                           markeredgewidth=0.5)
+                # Pixels are counted from their corners there, from their centres in this picture.
+                column, row = (v - 0.5 for v in image.pixels[point.name])
+                panel.plot(
+                    column,
+                    row,
+                    marker="o",
+                    markersize=2.6,
+                    color="white",
+                    markeredgecolor="black",
+                    markeredgewidth=0.5,
+                )
                 panel.annotate(
-                    f"E = {_lux(point.illuminance_lx)}", (column, row), xytext=(0, 4), textcoords="offset points",
-                    ha="center", va="bottom", fontsize=6.3, color="white", fontweight="bold",
+                    f"E = {_lux(point.illuminance_lx)}",
+                    (column, row),
+                    xytext=(0, 4),
+                    textcoords="offset points",
+                    ha="center",
+                    va="bottom",
+                    fontsize=6.3,
+                    color="white",
+                    fontweight="bold",
                     path_effects=[patheffects.withStroke(linewidth=1.6, foreground="black")],
                 )
             if below:
                 panel.set_xlabel(_wrapped(below), fontsize=6.5, labelpad=4)
-        bar = figure.colorbar(picture, ax=axes, extend="both", fraction=0.035, pad=0.015, aspect=24)
+        bar = figure.colorbar(picture, cax=axes[-1].inset_axes((1.03, 0.0, 0.04, 1.0)), extend="both")
         bar.set_label("luminance L (cd/m²)")
         bar.ax.yaxis.set_major_locator(LogLocator(subs=_ISOLINES))
         bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:,.4g}"))
@@ -103,7 +127,9 @@ def luminance_maps(
         numbers: dict[str, object] = {}
         for k, (image, values) in enumerate(zip(images, maps)):
             numbers |= {
-                f"luminance_{k}": values.astype(np.float32), f"model_{k}": image.model, f"name_{k}": image.name
+                f"luminance_{k}": values.astype(np.float32),
+                f"model_{k}": image.model,
+                f"name_{k}": image.name,
             }
         if points:
             numbers |= {
@@ -114,6 +140,28 @@ def luminance_maps(
             }
         style.write_npz(Path(path).with_suffix(".npz"), numbers)
         return style.save(figure, path, synthetic=synthetic)
+
+
+def _label(panel: Axes, lines: Any, luminance: Array) -> None:
+    """Label isolines where the luminance changes slowly; at the edges of panes they would only blot."""
+    with np.errstate(invalid="ignore"):
+        slope = np.hypot(*np.gradient(np.log10(luminance)))
+    places = []
+    for outline in lines.get_paths():
+        for part in outline.to_polygons(closed_only=False):
+            if len(part) < 2 or np.hypot(*np.diff(part, axis=0).T).sum() < 0.2 * luminance.shape[1]:
+                continue
+            columns = np.clip(np.rint(part[:, 0]).astype(int), 0, luminance.shape[1] - 1)
+            rows = np.clip(np.rint(part[:, 1]).astype(int), 0, luminance.shape[0] - 1)
+            margin = np.minimum(part, np.subtract(luminance.shape[::-1], part)).min(axis=1)
+            steepness = np.where(margin > 0.05 * luminance.shape[1], slope[rows, columns], np.inf)
+            best = int(np.argmin(np.nan_to_num(steepness, nan=np.inf)))
+            if steepness[best] < _GENTLE:
+                places.append(part[best])
+    if places:
+        panel.clabel(
+            lines, fontsize=4.8, inline=True, inline_spacing=1, manual=places, fmt=lambda v: f"{v:g}"
+        )
 
 
 def _limits(maps: Sequence[Array]) -> tuple[float, float]:

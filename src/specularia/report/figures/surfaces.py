@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.patches import Patch, Rectangle
+from matplotlib.patches import Rectangle
 from numpy.typing import ArrayLike, NDArray
 
 from specularia.report import style
@@ -28,14 +28,14 @@ _LARGEST = 900
 def height_maps(maps: Mapping[str, HeightMap], path: str | Path, *, synthetic: bool = False) -> Path:
     """Draw height maps side by side, each on its own scale of heights (the paper's Fig. 7).
 
-    x runs to the right and y up, as the microscope saw the face; heights are positive out of the glass, from the
-    lowest point of the map. Missing heights are hatched.
+    x runs to the right and y up, as the microscope saw the face; heights are positive out of the glass, from
+    the lowest point of the map. Missing heights are hatched.
 
     Parameters
     ----------
     maps : by name, such as {"front": ..., "back": ...}.
-    path : PNG to write; an NPZ of the same name gets, per map k, `name_k`, `heights_um_k` (row 0 at the lowest
-        y, missing NaN, as given), `pitch_x_um_k` and `pitch_y_um_k`.
+    path : PNG to write; an NPZ of the same name gets, per map k, `name_k`, `heights_um_k` (row 0 at the
+        lowest y, missing NaN, as given), `pitch_x_um_k` and `pitch_y_um_k`.
     synthetic : True labels the figure.
 
     Returns
@@ -43,7 +43,7 @@ def height_maps(maps: Mapping[str, HeightMap], path: str | Path, *, synthetic: b
     path of the PNG.
     """
     numbers: dict[str, Any] = {}
-    with style.canvas(3.35 * len(maps), 2.95) as figure:
+    with style.canvas(3.35 * len(maps), _height([m.heights_um for m in maps.values()], 2.35)) as figure:
         axes = figure.subplots(1, len(maps), squeeze=False)[0]
         for k, (name, surface) in enumerate(maps.items()):
             heights = np.asarray(surface.heights_um, float)
@@ -65,10 +65,16 @@ def height_maps(maps: Mapping[str, HeightMap], path: str | Path, *, synthetic: b
                 interpolation="nearest",
             )
             _frame(panel, name, k, width)
-            bar = figure.colorbar(picture, ax=panel, shrink=0.85, pad=0.02, aspect=22)
+            bar = figure.colorbar(picture, cax=panel.inset_axes((1.03, 0.0, 0.045, 1.0)))
             bar.set_label("height above lowest point (µm)")
             if np.isnan(heights).any():
-                panel.legend(handles=[_no_data()], loc="upper right", fontsize=6, frameon=True, framealpha=0.9)
+                panel.legend(
+                    handles=[style.no_data_patch("missing")],
+                    loc="upper right",
+                    fontsize=6,
+                    frameon=True,
+                    framealpha=0.9,
+                )
         style.write_npz(Path(path).with_suffix(".npz"), numbers)
         return style.save(figure, path, synthetic=synthetic)
 
@@ -91,7 +97,7 @@ def micrographs(
     path of the PNG.
     """
     numbers: dict[str, Any] = {"pitch_um": pitch_um}
-    with style.canvas(2.9 * len(images), 2.95) as figure:
+    with style.canvas(2.9 * len(images), _height(images.values(), 2.3)) as figure:
         axes = figure.subplots(1, len(images), squeeze=False)[0]
         for k, (name, image) in enumerate(images.items()):
             grey = np.asarray(image)
@@ -110,6 +116,11 @@ def micrographs(
             _frame(axes[k], name, k, width)
         style.write_npz(Path(path).with_suffix(".npz"), numbers)
         return style.save(figure, path, synthetic=synthetic)
+
+
+def _height(images: Iterable[ArrayLike], width: float) -> float:
+    """Height of the figure, inches, for panels of this width with titles and labels."""
+    return width * max(s[0] / s[1] for s in map(np.shape, images)) + 0.8
 
 
 def _reduced(image: Array) -> Array:
@@ -139,15 +150,21 @@ def _frame(axes: Axes, name: str, index: int, width_um: float) -> None:
     pad = 0.02 * width_um
     axes.add_patch(
         Rectangle(
-            (x - pad, y - pad), length + 2 * pad, 0.09 * (top - bottom) + 2 * pad,
-            facecolor="black", alpha=0.55, linewidth=0,
+            (x - pad, y - pad),
+            length + 2 * pad,
+            0.09 * (top - bottom) + 2 * pad,
+            facecolor="black",
+            alpha=0.55,
+            linewidth=0,
         )
     )
     axes.add_patch(Rectangle((x, y), length, thick, facecolor="white", linewidth=0))
     axes.text(
-        x + length / 2, y + 2.0 * thick, f"{length:g} µm", color="white", fontsize=6.5, ha="center", va="bottom"
+        x + length / 2,
+        y + 2.0 * thick,
+        f"{length:g} µm",
+        color="white",
+        fontsize=6.5,
+        ha="center",
+        va="bottom",
     )
-
-
-def _no_data() -> Patch:
-    return Patch(facecolor=style.NO_DATA, edgecolor="#a0a0a0", hatch="//////", linewidth=0.0, label="missing")

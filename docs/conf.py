@@ -1,0 +1,93 @@
+"""Sphinx settings, and the hook that writes the command reference from the program itself."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import specularia
+
+project = "specularia"
+author = "The specularia contributors"
+copyright = author
+version = release = specularia.__version__
+
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.mathjax", "sphinx.ext.napoleon"]
+myst_enable_extensions = ["dollarmath", "amsmath", "deflist", "colon_fence"]
+myst_heading_anchors = 3
+exclude_patterns = ["_build"]
+html_theme = "furo"
+html_title = f"specularia {release}"
+html_static_path: list[str] = []
+nitpicky = False
+
+autodoc_member_order = "bysource"
+autodoc_typehints = "signature"
+autodoc_type_aliases = {"ArrayLike": "ArrayLike", "NDArray": "NDArray"}
+autodoc_preserve_defaults = True
+napoleon_google_docstring = False
+napoleon_numpy_docstring = True
+napoleon_use_rtype = False
+napoleon_use_ivar = True
+
+
+def setup(app: Any) -> None:
+    """Write the command reference before Sphinx looks for pages; take docstrings as they are meant."""
+    app.connect("config-inited", lambda app, _: write_commands(Path(app.srcdir)))
+    app.connect("autodoc-process-docstring", plain_bars)
+
+
+def plain_bars(app: Any, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
+    """Bars in docstrings mean absolute values, and a bracket may follow a name in backquotes."""
+    lines[:] = [re.sub(r"(`[^`]+`)(?=[\w(])", r"\1\\ ", line.replace("|", "\\|")) for line in lines]
+
+
+def write_commands(source: Path) -> None:
+    """Walk the commands of the program and write one page on all of them (not kept in the repository)."""
+    from typer.main import get_command
+
+    from specularia.cli import _build
+
+    root = get_command(_build())
+    lines = [
+        "# Commands",
+        "",
+        "Made from the program itself. Every command also answers `--help`. Exit codes: 0 fine, 1 fault of "
+        "the program, 2 wrong usage, 3 bad data (the message names file, line, what was expected and what "
+        "was found).",
+        "",
+    ]
+    for words, command in walk(root, ["specularia"]):
+        lines += section(words, command)
+    page = source / "reference" / "commands.md"
+    text = "\n".join(lines)
+    if not page.exists() or page.read_text(encoding="utf-8") != text:
+        page.write_text(text, encoding="utf-8")
+
+
+def walk(command: Any, words: list[str]) -> Iterator[tuple[list[str], Any]]:
+    """Each command with the words that call it, groups before their commands."""
+    yield words, command
+    for name, child in getattr(command, "commands", {}).items():
+        yield from walk(child, [*words, name])
+
+
+def section(words: list[str], command: Any) -> list[str]:
+    """Heading, what it does, how it is called, its arguments and options."""
+    context = command.make_context(" ".join(words), [], resilient_parsing=True)
+    usage = command.get_usage(context).removeprefix("Usage: ")
+    lines = [f"{'#' * min(len(words) + 1, 3)} {' '.join(words)}", ""]
+    lines += [paragraph(command.help or ""), "", "```text", usage, "```", ""]
+    for parameter in command.params:
+        found = parameter.get_help_record(context)
+        if found is not None:
+            lines += [f"`{found[0].strip()}`", f": {paragraph(found[1]) or '.'}", ""]
+    return lines
+
+
+def paragraph(text: str) -> str:
+    """Help text as one paragraph per block, with the marks of Markdown made plain where help has none."""
+    blocks = [" ".join(block.split()) for block in text.replace("\b", "").split("\n\n")]
+    return "\n\n".join(blocks).replace("[", "\\[").replace("<", "&lt;")

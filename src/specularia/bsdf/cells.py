@@ -1,0 +1,139 @@
+"""Means of a distribution over cells: of the Shirley-Chiu square, or of direction cosines."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specularia.bsdf.model import Array, ScatteringModel
+from specularia.conventions import disk_to_square, square_to_disk
+
+__all__ = ["Slice", "cell_means", "grid", "is_isotropic", "transmitted_slice"]
+
+_FINEST = 16
+"""At most this many points along the edge of a cell."""
+_POINTS_ACROSS = 128
+"""Where nothing calls for more, points along the edge of the whole square (but two along that of a cell)."""
+
+
+def is_isotropic(model: ScatteringModel) -> bool:
+    """Whether the sample may be turned about its normal; models that deny it say `isotropic = False`."""
+    return bool(getattr(model, "isotropic", True))
+
+
+def grid(n: int) -> tuple[Array, Array]:
+    """Direction cosines (ux, uy), each [n, n], at the centres of equal cells of the Shirley-Chiu square."""
+    k = (np.arange(n) + 0.5) / n
+    a, b = np.meshgrid(k, k, indexing="ij")
+    return square_to_disk(a, b)
+
+
+def _means(
+    value: Callable[[Array, Array], Array],
+    to_disk: Callable[[Array, Array], tuple[Array, Array]],
+    count: NDArray[np.intp],
+) -> Array:
+    """Mean of `value` over n x n cells of the unit square, of the points that lie in the unit disk.
+
+    A cell with many of the model's own quadrature points (`count` [n, n]) gets as many points here, so that a
+    lobe narrower than the cell is not missed.
+    """
+    n = count.shape[0]
+    least = max(2, _POINTS_ACROSS // n)
+    wanted = np.ceil(0.5 * np.log2(np.maximum(count.ravel(), 1)))
+    points = np.clip(2**wanted, least, max(least, _FINEST)).astype(int)
+    out = np.empty(n * n)
+    for k in np.unique(points):
+        cells = np.flatnonzero(points == k)
+        step = (np.arange(k) + 0.5) / k
+        a = ((cells // n)[:, None, None] + step[None, :, None]) / n
+        b = ((cells % n)[:, None, None] + step[None, None, :]) / n
+        v = value(*to_disk(*np.broadcast_arrays(a, b)))
+        inside = np.isfinite(v)
+        number = inside.sum(axis=(1, 2))
+        total = np.where(inside, v, 0.0).sum(axis=(1, 2))
+        out[cells] = np.where(number > 0, total / np.maximum(number, 1), np.nan)
+    return out.reshape(n, n)
+
+
+def _count(a: Array, b: Array, n: int) -> NDArray[np.intp]:
+    i = np.clip((a * n).astype(int), 0, n - 1)
+    j = np.clip((b * n).astype(int), 0, n - 1)
+    return np.bincount(i * n + j, minlength=n * n).reshape(n, n)
+
+
+def cell_means(
+    model: ScatteringModel, side: str, *, theta_i_deg: float, phi_i_deg: float = 0.0, n: int
+) -> Array:
+    """BSDF averaged over equal cells of projected solid angle.
+
+    The cells are scaled together so that they add up to the model's direct-hemispherical value.
+
+    Parameters
+    ----------
+    model, side : what to average.
+    theta_i_deg, phi_i_deg : incident direction.
+    n : cells along an edge of the square.
+
+    Returns
+    -------
+    [n, n] in 1/sr, index [a, b] of `conventions.square_to_disk`, seen in the frame turned about the normal so
+    that the light comes from azimuth 0. NaN where the model has no data for this direction.
+    """
+    tau = float(model.direct_hemispherical(side, theta_i_deg, phi_i_deg))
+    if not np.isfinite(tau):
+        return np.full((n, n), np.nan)
+    q = model.quadrature(side, theta_i_deg, phi_i_deg)
+    c, d = np.cos(np.radians(phi_i_deg)), np.sin(np.radians(phi_i_deg))
+
+    def value(x: Array, y: Array) -> Array:
+        return model.evaluate(side, theta_i_deg, phi_i_deg, x * c - y * d, x * d + y * c)
+
+    own = _count(*disk_to_square(q.ux * c + q.uy * d, q.uy * c - q.ux * d), n)
+    out = np.nan_to_num(_means(value, square_to_disk, own))
+    total = out.sum() * np.pi / n**2
+    return out * (tau / total) if total > 0 else out
+
+
+@dataclass(frozen=True)
+class Slice:
+    """The transmitted distribution for one incident direction.
+
+    Attributes
+    ----------
+    ux, uy : [N] centres of the cells along either axis, over -1 to 1.
+    bsdf : [N, N] in 1/sr, mean over each cell, axis 0 ux, axis 1 uy; NaN where the centre lies outside the
+        unit disk. The sum times (2 / N)^2 is the direct-hemispherical transmission.
+    side : transmission_front, or transmission_back for light on the back.
+    """
+
+    ux: Array
+    uy: Array
+    bsdf: Array
+    side: str
+
+
+def transmitted_slice(
+    model: ScatteringModel, *, theta_deg: float, phi_deg: float = 0.0, size: int = 201
+) -> Slice:
+    """The transmitted distribution on a square grid of direction cosines.
+
+    Parameters
+    ----------
+    model : any scattering model.
+    theta_deg, phi_deg : incident direction from the front normal; theta above 90 is light on the back.
+    size : N, cells along either axis.
+    """
+    side = "transmission_front" if theta_deg < 90 else "transmission_back"
+    theta = theta_deg if theta_deg < 90 else 180.0 - theta_deg
+    q = model.quadrature(side, theta, phi_deg)
+    own = _count(0.5 * (q.ux + 1), 0.5 * (q.uy + 1), size)
+    bsdf = _means(
+        lambda x, y: model.evaluate(side, theta, phi_deg, x, y), lambda a, b: (2 * a - 1, 2 * b - 1), own
+    )
+    centre: Array = np.asarray((np.arange(size) + 0.5) * (2.0 / size) - 1.0, np.float64)
+    outside = np.hypot(centre[:, None], centre[None, :]) > 1.0
+    return Slice(ux=centre, uy=centre, bsdf=np.where(outside, np.nan, bsdf), side=side)

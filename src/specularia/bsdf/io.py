@@ -1,0 +1,191 @@
+"""Models from files and into files, whatever their format."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from specularia import progress
+from specularia.bsdf import xml_write
+from specularia.bsdf.build_tree import Built, build
+from specularia.bsdf.model import Array, ScatteringModel
+from specularia.bsdf.tabulated import TabulatedModel, read_model, write_model
+from specularia.bsdf.xml_model import TreePart, XmlModel
+from specularia.bsdf.xml_read import read_xml
+from specularia.errors import FormatError, OutputError, SpeculariaWarning
+from specularia.files import existing, write_text
+
+__all__ = ["Written", "direct_hemispherical", "evaluate", "read", "write"]
+
+
+@dataclass(frozen=True)
+class Written:
+    """What was written.
+
+    Attributes
+    ----------
+    path : the file.
+    model : the model as it stands in the file.
+    trees : for each side of an XML file made from another model, how the tree compares with the model.
+    """
+
+    path: Path
+    model: ScatteringModel
+    trees: Mapping[str, Built]
+
+
+def read(path: str | Path, *, band: str | None = None) -> TabulatedModel | XmlModel:
+    """A scattering model from a file; its content decides how it is read.
+
+    Parameters
+    ----------
+    path : a WINDOW XML file (Klems or tensor tree, from anyone) or a netCDF file of this package.
+    band : for XML with several bands, the one to take; None takes Visible.
+
+    Raises
+    ------
+    FormatError : neither of the two, or broken.
+    """
+    path = existing(path, what="a BSDF file (.nc or .xml)")
+    try:
+        with path.open("rb") as f:
+            head = f.read(512)
+    except OSError as error:
+        raise FormatError(
+            file=path, expected="a BSDF file (.nc or .xml)", found=str(error.strerror)
+        ) from error
+    if head.startswith((b"\x89HDF\r\n\x1a\n", b"CDF")):
+        return read_model(path)
+    if head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<") or head.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return read_xml(path, band=band)
+    raise FormatError(
+        file=path,
+        expected="netCDF or WINDOW XML",
+        found=f"a file that begins with {head[:12]!r}" if head else "an empty file",
+    )
+
+
+def write(
+    model: ScatteringModel,
+    path: str | Path,
+    *,
+    resolution: int | None = None,
+    cull: float | None = None,
+    name: str | None = None,
+    thickness_mm: float | None = None,
+) -> Written:
+    """Write a model; the ending of the path decides the format.
+
+    Parameters
+    ----------
+    model : what to write.
+    path : ends in .nc (tabulated models only) or .xml.
+    resolution : g of a rank-3 tree, 5 to 8: 2^(g-1) incidence bins, 2^g x 2^g outgoing cells. None writes a
+        model that came from XML with its own matrices or trees, and any other one with 6.
+    cull : percentage of the tree's cells to remove; None removes as many as move 1 % of the light.
+    name : of the material; None takes the model's.
+    thickness_mm : of the pane; None takes the model's attribute of that name, where there is one.
+
+    Notes
+    -----
+    All sides of the model are written. A transmission side that was not measured is made by reciprocity and
+    labelled so: renderers need it, since they do not sample rank-3 trees in reverse.
+    """
+    path = Path(path)
+    if path.suffix == ".nc":
+        if not isinstance(model, TabulatedModel):
+            raise OutputError(f"{path}: only tabulated models can be written as .nc; name an .xml file.")
+        return Written(path=write_model(model, path), model=model, trees={})
+    if path.suffix != ".xml":
+        raise OutputError(f"{path}: a model is written as .nc or .xml.")
+    attributes = dict(getattr(model, "attributes", {}))
+    trees: dict[str, Built] = {}
+    if isinstance(model, XmlModel) and resolution is None:
+        parts = dict(model.parts)
+        origins = {s: model.origin(s) for s in parts}
+        structure = model.structure
+    else:
+        g = 6 if resolution is None else resolution
+        origins = {s: _origin(model, s) for s in model.sides}
+        with progress.task(f"building the tensor tree of {path.name}", len(model.sides)) as task:
+            for side in model.sides:
+                trees[side] = build(model, side, resolution=g, cull=cull)
+                task.advance()
+        parts = {s: TreePart(t.tree) for s, t in trees.items()}
+        structure = "TensorTree3"
+        _warn_about(trees, path)
+    if thickness_mm is None and "thickness_mm" in attributes:
+        thickness_mm = float(attributes["thickness_mm"])
+    kept = {k: v for k, v in attributes.items() if k not in ("name", "thickness_mm", "band", "measured_band")}
+    measured = attributes.get("measured_band", model.band)
+    text = xml_write.document(
+        parts,
+        band=measured if xml_write.band_in_file(measured) == model.band else model.band,
+        name=name or attributes.get("name") or attributes.get("title") or "specularia model",
+        attributes=kept,
+        origins=origins,
+        thickness_mm=thickness_mm,
+    )
+    write_text(path, text)
+    band = xml_write.band_in_file(model.band)
+    return Written(
+        path=path,
+        model=XmlModel(
+            parts=parts,
+            band=band,
+            structure=structure,
+            bands=(band,),
+            attributes={**attributes, **origins},
+        ),
+        trees=trees,
+    )
+
+
+def _origin(model: ScatteringModel, side: str) -> str:
+    origin = getattr(model, "origin", None)
+    return str(origin(side)) if callable(origin) else "model"
+
+
+def _warn_about(trees: Mapping[str, Built], path: Path) -> None:
+    for side, t in trees.items():
+        safe = np.maximum(t.tau_model, 1e-3 * max(float(t.tau_model.max()), 1e-12))
+        off = float(np.max(np.abs(t.tau_tree - t.tau_model) / safe))
+        if off > 2e-3:
+            warnings.warn(
+                f"{path.name}: reduction changes the {side.replace('_', ' ')} of an incidence bin by "
+                f"{100 * off:.1f} %; remove fewer cells (a smaller cull).",
+                SpeculariaWarning,
+                stacklevel=3,
+            )
+
+
+def evaluate(
+    model: ScatteringModel,
+    side: str,
+    *,
+    theta_i_deg: ArrayLike,
+    phi_i_deg: ArrayLike = 0.0,
+    ux: ArrayLike,
+    uy: ArrayLike,
+) -> Array:
+    """BSDF in 1/sr of a model; arguments broadcast; NaN outside the unit disk.
+
+    Parameters
+    ----------
+    model, side : what is asked.
+    theta_i_deg, phi_i_deg : incident direction; theta_i from the normal of the face the light arrives on.
+    ux, uy : outgoing direction cosines along the sample's x and y.
+    """
+    return model.evaluate(side, theta_i_deg, phi_i_deg, ux, uy)
+
+
+def direct_hemispherical(
+    model: ScatteringModel, side: str, *, theta_i_deg: ArrayLike, phi_i_deg: ArrayLike = 0.0
+) -> Array:
+    """Direct-hemispherical transmission or reflection of a model; NaN where it has no data."""
+    return model.direct_hemispherical(side, theta_i_deg, phi_i_deg)

@@ -1,0 +1,342 @@
+"""Reading WINDOW 6/7 XML from anyone: Klems matrices and tensor trees, all bands and sides.
+
+Tolerant of what real files hold: commas or blanks between values, tabs, units in any spelling, an empty
+thickness, elements in any order, a ScatteringDataType that always says BTDF, bases defined in the file. Not
+tolerant of data that cannot be right: a wrong count, words that are no numbers, an unknown basis.
+"""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element, ParseError, tostring
+
+import numpy as np
+
+from specularia.bsdf.klems import KlemsBasis, basis_named
+from specularia.bsdf.tensor_tree import TensorTree, TreeSyntaxError
+from specularia.bsdf.xml_model import KlemsPart, Part, TreePart, XmlModel
+from specularia.bsdf.xml_write import DIRECTIONS
+from specularia.errors import CoverageError, FormatError, PhysicsError, SpeculariaWarning
+from specularia.files import existing
+
+__all__ = ["WindowFile", "read_xml"]
+
+_SIDES = {v.casefold(): k for k, v in DIRECTIONS.items()}
+_BANDS = {b.casefold(): b for b in ("Visible", "Solar", "NIR", "CIE-X", "CIE-Y", "CIE-Z", "CIE-u", "CIE-v")}
+_MILLIMETRES = {
+    "meter": 1000.0,
+    "metre": 1000.0,
+    "m": 1000.0,
+    "centimeter": 10.0,
+    "centimetre": 10.0,
+    "cm": 10.0,
+    "millimeter": 1.0,
+    "millimetre": 1.0,
+    "mm": 1.0,
+    "inch": 25.4,
+    "in": 25.4,
+    "foot": 304.8,
+    "ft": 304.8,
+}
+_NOTE = re.compile(rb"<!-- specularia\n(.*?)\n-->", re.DOTALL)
+
+
+@dataclass(frozen=True)
+class WindowFile:
+    """Everything that a file holds.
+
+    Attributes
+    ----------
+    models : one scattering model per band.
+    name, manufacturer : of the material.
+    thickness_mm : or None where the file does not say.
+    geometry : the Geometry element as text, or None where it is empty.
+    """
+
+    models: dict[str, XmlModel]
+    name: str
+    manufacturer: str
+    thickness_mm: float | None
+    geometry: str | None
+
+
+def read_xml(path: str | Path, *, band: str | None = None) -> XmlModel:
+    """One band of a WINDOW XML file as a scattering model.
+
+    Parameters
+    ----------
+    path : the file.
+    band : Visible, Solar ...; None takes Visible, or the first band (with a warning) where there is none.
+
+    Raises
+    ------
+    FormatError : not such a file, or data that cannot be right; with file, line, expected and found.
+    CoverageError : the band is not in the file.
+    """
+    models = read_file(path).models
+    if band is None:
+        band = "Visible" if "Visible" in models else next(iter(models))
+        if band != "Visible":
+            warnings.warn(
+                f"{path}: no Visible band; {band} is used. Radiance would find nothing in it.",
+                SpeculariaWarning,
+                stacklevel=2,
+            )
+    for name, model in models.items():
+        if name.casefold() == band.casefold():
+            return model
+    raise CoverageError(f"{path}: no band {band}; it holds {', '.join(models)}.")
+
+
+def read_file(path: str | Path) -> WindowFile:
+    """Read all bands of a WINDOW XML file."""
+    path = existing(path, what="a BSDF file")
+    try:
+        raw = path.read_bytes()
+    except OSError as error:
+        raise FormatError(file=path, expected="a readable file", found=str(error.strerror)) from error
+    return _Reader(path, raw).file()
+
+
+def _local(element: Element) -> str:
+    tag = element.tag
+    return tag.rsplit("}", 1)[-1] if isinstance(tag, str) else ""
+
+
+def _children(element: Element | None, name: str) -> Iterator[Element]:
+    if element is not None:
+        yield from (e for e in element if _local(e) == name)
+
+
+def _child(element: Element | None, name: str) -> Element | None:
+    return next(_children(element, name), None)
+
+
+def _text(element: Element | None, name: str) -> str:
+    found = _child(element, name)
+    return " ".join((found.text or "").split()) if found is not None else ""
+
+
+class _Reader:
+    """One pass over one file."""
+
+    def __init__(self, path: Path, raw: bytes) -> None:
+        self.path, self.raw = path, raw
+        self.root = self._parse()
+        self.data_lines = [
+            raw.count(b"\n", 0, m.start()) + 1 for m in re.finditer(rb"<(?:\w+:)?ScatteringData[\s>]", raw)
+        ]
+
+    def _fault(self, expected: str, found: str, line: int | None = None, advice: str = "") -> FormatError:
+        return FormatError(file=self.path, line=line, expected=expected, found=found, advice=advice)
+
+    def _parse(self) -> Element:
+        from defusedxml.common import DefusedXmlException
+        from defusedxml.ElementTree import fromstring
+
+        try:
+            root: Element = fromstring(self.raw, forbid_dtd=True)
+        except DefusedXmlException as error:
+            raise self._fault("plain XML", "a document type or entities, which are refused") from error
+        except ParseError as error:
+            line = error.position[0] if error.position else None
+            raise self._fault(
+                "well-formed XML", str(error), line, "The file may be truncated: copy it again."
+            ) from error
+        except (ValueError, LookupError) as error:
+            raise self._fault("well-formed XML", str(error)) from error
+        if _local(root) != "WindowElement":
+            raise self._fault("the root element WindowElement", _local(root) or "another", 1)
+        return root
+
+    def file(self) -> WindowFile:
+        layers = list(_children(_child(self.root, "Optical"), "Layer"))
+        if not layers:
+            raise self._fault("an optical layer", "none")
+        if len(layers) > 1:
+            warnings.warn(
+                f"{self.path}: {len(layers)} layers; the first one is read, as Radiance does.",
+                SpeculariaWarning,
+                stacklevel=2,
+            )
+        layer = layers[0]
+        material = _child(layer, "Material")
+        structure = _text(_child(layer, "DataDefinition"), "IncidentDataStructure")
+        kinds = {k.casefold(): k for k in ("Columns", "Rows", "TensorTree3", "TensorTree4")}
+        if structure.casefold() not in kinds:
+            raise self._fault(
+                "IncidentDataStructure Columns, Rows, TensorTree3 or TensorTree4", structure or "none"
+            )
+        structure = kinds[structure.casefold()]
+        own = [self._basis(e) for e in _children(_child(layer, "DataDefinition"), "AngleBasis")]
+        parts = self._parts(layer, structure, own)
+        thickness = self._thickness_mm(material)
+        attributes = self._attributes(material, thickness)
+        models = {
+            band: XmlModel(
+                parts=sides, band=band, structure=structure, bands=tuple(parts), attributes=attributes
+            )
+            for band, sides in parts.items()
+        }
+        geometry = _child(layer, "Geometry")
+        if geometry is None:
+            geometry = _child(material, "Geometry")
+        kept = None
+        if geometry is not None and ((geometry.text or "").strip() or len(geometry)):
+            kept = tostring(geometry, encoding="unicode")
+        return WindowFile(
+            models=models,
+            name=_text(material, "Name"),
+            manufacturer=_text(material, "Manufacturer"),
+            thickness_mm=thickness,
+            geometry=kept,
+        )
+
+    def _attributes(self, material: Element | None, thickness: float | None) -> dict[str, str]:
+        out = {"name": _text(material, "Name"), "manufacturer": _text(material, "Manufacturer")}
+        if thickness is not None:
+            out["thickness_mm"] = f"{thickness:g}"
+        note = _NOTE.search(self.raw)
+        if note:
+            for line in note.group(1).decode(errors="replace").splitlines():
+                key, _, value = line.partition(": ")
+                out["measured_band" if key == "band" else key] = value
+        return {k: v for k, v in out.items() if v}
+
+    def _thickness_mm(self, material: Element | None) -> float | None:
+        element = _child(material, "Thickness")
+        text = (element.text or "").strip() if element is not None else ""
+        if element is None or not text:
+            return None
+        unit = (element.get("unit") or "meter").strip().casefold()
+        factor = _MILLIMETRES.get(unit.removesuffix("s"), _MILLIMETRES.get(unit))
+        try:
+            value = float(text)
+        except ValueError:
+            value = float("nan")
+        if factor is None or not np.isfinite(value) or value < 0:
+            warnings.warn(
+                f"{self.path}: the thickness {text!r} in {unit!r} is not understood and left out.",
+                SpeculariaWarning,
+                stacklevel=2,
+            )
+            return None
+        return value * factor
+
+    def _basis(self, element: Element) -> KlemsBasis:
+        name = _text(element, "AngleBasisName")
+        bounds, counts = [0.0], []
+        for block in _children(element, "AngleBasisBlock"):
+            limits = _child(block, "ThetaBounds")
+            try:
+                low, high = float(_text(limits, "LowerTheta")), float(_text(limits, "UpperTheta"))
+                count = int(_text(block, "nPhis"))
+            except ValueError as error:
+                raise self._fault(f"numbers in the angle basis {name!r}", str(error)) from error
+            if abs(low - bounds[-1]) > 1e-4 and low != -high:
+                raise self._fault(f"rings of the angle basis {name!r} that join", f"{low} after {bounds[-1]}")
+            bounds.append(high)
+            counts.append(count)
+        try:
+            return KlemsBasis(name=name, bounds_deg=tuple(bounds), phi_count=tuple(counts))
+        except (PhysicsError, ValueError) as error:
+            raise self._fault("an angle basis", str(error)) from error
+
+    def _parts(self, layer: Element, structure: str, own: list[KlemsBasis]) -> dict[str, dict[str, Part]]:
+        out: dict[str, dict[str, Part]] = {}
+        lines = iter(self.data_lines)
+        skipped: list[str] = []
+        for data in _children(layer, "WavelengthData"):
+            named = _text(data, "Wavelength")
+            band = _BANDS.get(named.casefold(), named)
+            for block in _children(data, "WavelengthDataBlock"):
+                direction = _text(block, "WavelengthDataDirection")
+                element = _child(block, "ScatteringData")
+                line = next(lines, None) if element is not None else None
+                side = _SIDES.get(direction.casefold())
+                if side is None or not band:
+                    skipped.append(direction or "no direction")
+                    continue
+                if element is None or not (element.text or "").strip():
+                    raise self._fault(f"ScatteringData for {direction}", "none", line)
+                sides = out.setdefault(band, {})
+                sides[side] = (
+                    self._tree(element.text or "", int(structure[-1]), line)
+                    if structure.startswith("TensorTree")
+                    else self._matrix(element.text or "", block, structure, own, line)
+                )
+        if not out:
+            raise self._fault("WavelengthData with one of the four directions", ", ".join(skipped) or "none")
+        if skipped:
+            warnings.warn(
+                f"{self.path}: {len(skipped)} data blocks are not understood and left out ({skipped[0]}).",
+                SpeculariaWarning,
+                stacklevel=2,
+            )
+        negative = sum(p.negative for sides in out.values() for p in sides.values())
+        if negative:
+            warnings.warn(
+                f"{self.path}: {negative} negative values; they count as zero, as in Radiance.",
+                SpeculariaWarning,
+                stacklevel=2,
+            )
+        return out
+
+    def _tree(self, text: str, rank: int, line: int | None) -> TreePart:
+        try:
+            return TreePart(TensorTree.from_text(text, rank))
+        except TreeSyntaxError as error:
+            where = None if line is None else line + error.line - 1
+            raise self._fault(error.expected, error.found, where) from error
+
+    def _matrix(
+        self, text: str, block: Element, structure: str, own: list[KlemsBasis], line: int | None
+    ) -> KlemsPart:
+        found = {}
+        for kind in ("ColumnAngleBasis", "RowAngleBasis"):
+            name = _text(block, kind)
+            basis = basis_named(name, own)
+            if basis is None:
+                raise self._fault(f"a known {kind}", repr(name), line)
+            found[kind] = basis
+        values = self._numbers(text, line)
+        columns, rows = found["ColumnAngleBasis"], found["RowAngleBasis"]
+        if values.size != columns.patches * rows.patches:
+            raise self._fault(
+                f"{rows.patches} x {columns.patches} = {rows.patches * columns.patches} values",
+                str(values.size),
+                line,
+            )
+        if structure == "Columns":
+            return KlemsPart(
+                matrix=values.reshape(rows.patches, columns.patches), incident=columns, outgoing=rows
+            )
+        # "Rows": each row is an incident patch; Radiance keeps the names of the bases where they are.
+        return KlemsPart(
+            matrix=values.reshape(columns.patches, rows.patches).T, incident=columns, outgoing=rows
+        )
+
+    def _numbers(self, text: str, line: int | None) -> Any:
+        words = re.sub(r"[,;]", " ", text).split()
+        try:
+            values = np.array(words, dtype=float)
+        except ValueError:
+            bad = next(w for w in words if not _is_number(w))
+            where = None if line is None else line + text.count("\n", 0, text.find(bad))
+            raise self._fault("numbers", repr(bad[:20]), where) from None
+        if not np.all(np.isfinite(values)):
+            raise self._fault("finite numbers", "nan or infinity", line)
+        return values
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,165 @@
+"""The room as Radiance sees it: opaque walls, and panes cut into tabulated light sources.
+
+There is no sun and no sky in these scenes; all light comes from the panes, so nothing can leak in. Radiance
+seeds its random numbers by the clock. Rays are therefore sent without jitter and without ambient bounces, and
+every run gives the same answer; chance enters only by where the panes are cut (`cuts`).
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specularia.conventions import LUMINOUS_EFFICACY
+from specularia.daylight.emission import EmissionMap
+from specularia.daylight.geometry import Box, Pane
+from specularia.errors import PhysicsError
+from specularia.radiance import run
+
+__all__ = ["Scene", "cuts"]
+
+Array = NDArray[np.float64]
+
+_CAL = """{ Stereographic coordinates of the direction a pane emits towards the ray's origin.
+  A1..A3, A4..A6: the sample's x and y; A7..A9: normal into the room. }
+towards = max(-(Dx*A7 + Dy*A8 + Dz*A9), 0);
+pane_s = -(Dx*A1 + Dy*A2 + Dz*A3) / (1 + towards);
+pane_t = -(Dx*A4 + Dy*A5 + Dz*A6) / (1 + towards);
+"""
+
+
+def cuts(length: float, cell: float, shift: float) -> Array:
+    """Borders of strips across `length`: `cell` wide at most, the first narrowed to the share `shift` of one.
+
+    >>> cuts(1.0, 0.5, 0.5).tolist()
+    [0.0, 0.25, 0.75, 1.0]
+    """
+    n = max(int(np.ceil(length / cell - 1e-9)), 1)
+    inner = (np.arange(n) + shift) * (length / n)
+    inside = inner[(inner > 1e-6 * length) & (inner < (1 - 1e-6) * length)]
+    return np.concatenate([[0.0], inside, [length]])
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Octrees of one room with one model's panes.
+
+    Attributes
+    ----------
+    folder : where the files lie.
+    box : the room.
+    maps : emission map of each pane.
+    width_deg : angular width of the narrowest map's bright part; it sets how finely a pane is sampled.
+    sampling : density of points on the panes, times the quick one.
+    """
+
+    folder: Path
+    box: Box
+    maps: Sequence[EmissionMap]
+    width_deg: float
+    sampling: float
+
+    @classmethod
+    def make(cls, folder: Path, box: Box, maps: Sequence[EmissionMap], *, sampling: float) -> Scene:
+        """Write the emission maps and the walls."""
+        (folder / "pane.cal").write_text(_CAL)
+        for k, m in enumerate(maps):
+            (folder / f"pane{k}.dat").write_text(_data(m))
+        (folder / "walls.rad").write_text(_walls(box))
+        lit = [m.width_deg() for m in maps if m.luminance.max() > 0]
+        return cls(folder, box, maps, min(lit, default=90.0), sampling)
+
+    def octree(self, name: str, *, cell: float, shift: tuple[float, float] = (0.0, 0.0)) -> str:
+        """Make an octree with the panes cut into cells of about `cell` metres; returns its file name."""
+        lights = "".join(_lights(k, p, self.box, cell, shift) for k, p in enumerate(self.box.panes))
+        (self.folder / f"{name}.rad").write_text(lights)
+        octree = run(["oconv", "-f", "walls.rad", f"{name}.rad"], cwd=self.folder)
+        (self.folder / f"{name}.oct").write_bytes(octree)
+        return f"{name}.oct"
+
+    def illuminance(self, octree: str, points: Array, normals: Array, *, fineness: float = 1.0) -> Array:
+        """[K] lx straight from the panes at points [K, 3] with normals [K, 3].
+
+        Points on a pane are sampled so densely that neighbours are seen under half the width of the narrowest
+        lobe, divided by `fineness`.
+        """
+        if len(points) == 0:
+            return np.zeros(0)
+        data = np.hstack([points, normals]).astype("<f4").tobytes()
+        out = run(["rtrace", "-h", "-I", "-ff", *self._options(fineness), octree], data=data, cwd=self.folder)
+        return np.frombuffer(out, "<f4").reshape(-1, 3)[:, 1].astype(float) * LUMINOUS_EFFICACY
+
+    def look(
+        self, octree: str, origins: Array, directions: Array, *, fineness: float = 1.0
+    ) -> tuple[Array, Array]:
+        """Luminance [K] in cd/m2 by light straight from the panes, and the points hit [K, 3]."""
+        data = np.hstack([origins, directions]).astype("<f4").tobytes()
+        command = ["rtrace", "-h", "-ff", "-ovp", *self._options(fineness), octree]
+        out = np.frombuffer(run(command, data=data, cwd=self.folder), "<f4").reshape(-1, 6).astype(float)
+        points = out[:, 3:]
+        off = np.min(np.abs(np.hstack([points, points - self.box.size])), axis=1) > 1e-3
+        if off.any():
+            raise PhysicsError(
+                f"{off.sum()} of {off.size} view rays ended in no face of the room; it is not closed."
+            )
+        return out[:, 1] * LUMINOUS_EFFICACY, points
+
+    def _options(self, fineness: float) -> list[str]:
+        spacing = np.clip(np.radians(self.width_deg) / (2.0 * fineness * self.sampling), 0.005, 0.2)
+        workers = min(os.cpu_count() or 1, 8)
+        # No ambient light, no jitter, no source left out by a threshold, every shadow tested.
+        return (
+            f"-n {workers} -ab 0 -av 0 0 0 -dj 0 -dt 0 -dc 1 -dr 0 -ds {spacing:.5f} -st 1 -ss 0 -lr 4 -lw 0"
+        ).split()
+
+
+def _data(m: EmissionMap) -> str:
+    """An emission map as a Radiance data file of radiances."""
+    head = [f"0 0 {a.size}\n" + "\n".join(f"{v:.7g}" for v in a) for a in (m.s, m.t)]
+    rows = (" ".join(f"{v:.6g}" for v in row) for row in m.luminance / LUMINOUS_EFFICACY)
+    return "2\n" + "\n".join(head) + "\n" + "\n".join(rows) + "\n"
+
+
+def _polygon(modifier: str, name: str, corners: Array) -> str:
+    numbers = "\n".join(" ".join(f"{c:.9g}" for c in corner) for corner in corners)
+    return f"{modifier} polygon {name}\n0\n0\n{3 * len(corners)}\n{numbers}\n\n"
+
+
+def _walls(box: Box) -> str:
+    """Everything opaque, as even scatterers; where a pane belongs there is a hole."""
+    job = box.job
+    shades = {"frames": job.reflectance.frames, **{f.name: f.reflectance for f in box.faces.values()}}
+    text = [f"void plastic {name}\n0\n0\n5 {r:.9g} {r:.9g} {r:.9g} 0 0\n\n" for name, r in shades.items()]
+    for face in box.faces.values():
+        for number, (r, part) in enumerate(box.cells(face.name, 1e9)):
+            if part < 0:
+                corners = face.point(np.array([r.u0, r.u1, r.u1, r.u0]), np.array([r.v0, r.v0, r.v1, r.v1]))
+                text.append(_polygon("frames" if part == -1 else face.name, f"{face.name}.{number}", corners))
+    return "".join(text)
+
+
+def _lights(index: int, pane: Pane, box: Box, cell: float, shift: tuple[float, float]) -> str:
+    """A pane as light polygons whose normals point into the room."""
+    x, y, out = pane.axes
+    numbers = " ".join(f"{c:.9g}" for c in np.concatenate([x, y, -out]))
+    text = [
+        f"void brightdata map{index}\n5 noop pane{index}.dat pane.cal pane_s pane_t\n0\n9 {numbers}\n\n",
+        f"map{index} light glow{index}\n0\n0\n3 1 1 1\n\n",
+    ]
+    face, g = box.faces[pane.window.wall], pane.glass
+    us = g.u0 + cuts(g.u1 - g.u0, cell, shift[0])
+    vs = g.v0 + cuts(g.v1 - g.v0, cell, shift[1])
+    turned = float(np.cross(face.along, face.across) @ face.normal) < 0.0
+    for i in range(us.size - 1):
+        for j in range(vs.size - 1):
+            u, v = us[[i, i + 1, i + 1, i]], vs[[j, j, j + 1, j + 1]]
+            corners = face.point(u, v)
+            text.append(
+                _polygon(f"glow{index}", f"pane{index}.{i}.{j}", corners[::-1] if turned else corners)
+            )
+    return "".join(text)

@@ -1,0 +1,566 @@
+"""The tracer's innermost loop: one path of light through a pane between two periodic reliefs.
+
+Symbols as in docs/theory/slab.md. Lengths are micrometres, directions unit vectors in the sample's frame
+(z out of the front). A path is always in one of three places: in the *shell* of a face (the layer between the
+highest and the lowest point of its relief), in the *bulk* glass between the two shells, or in a *bubble*.
+Shells are walked through a hierarchy of bounds (`hierarchy.py`); the bulk is crossed in closed form. No
+distance is ever nudged by a small constant: a ray that starts on a triangle or on a bubble's wall leaves that
+one out by name or by sign, so no path slips through a surface.
+
+All functions take and return plain numbers and arrays, keep no state and use nothing that a GPU lacks.
+"""
+# Compiled functions carry no annotations: their types follow from the call.
+# mypy: disallow-untyped-defs=False, disallow-untyped-calls=False
+
+from __future__ import annotations
+
+import math
+
+import numba as nb
+import numpy as np
+
+from specularia.glass.hierarchy import LEVELS
+
+__all__ = ["ABSORBED", "BACK", "FRONT", "LOST", "meet_interface", "meet_relief", "trace_kernel", "uniform"]
+
+FRONT, BACK, ABSORBED, LOST = 0, 1, 2, 3
+"""Where a path ended: out of the front, out of the back, in the glass, or given up and counted."""
+
+MAX_EVENTS = 100_000
+"""Interfaces met before a path counts as lost. Light that total reflection traps meets a few hundred."""
+
+MAX_PERIODS = 100_000
+"""Periods crossed within one shell before a path counts as lost: a ray level with a perfectly smooth face."""
+
+MIN_WEIGHT = 1e-13
+"""A path in glass whose weight falls below this has nothing left: what remains is counted as absorbed."""
+
+# Results may differ in the last bit from strict IEEE order. No step makes an infinity or a NaN: 1e300 stands
+# for "never".
+FAST = {"contract", "nsz", "arcp", "reassoc", "nnan", "ninf"}
+
+_GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+_MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
+_MIX_2 = np.uint64(0x94D049BB133111EB)
+# 2^64 times 1 / 1.3247... and its square, steps modulo 1 whose multiples fill the unit square evenly: the
+# generalisation of the golden ratio to two dimensions (Roberts, M. (2018), The unreasonable effectiveness of
+# quasirandom sequences, extremelearning.com.au).
+_STEP_X = np.uint64(0xC13FA9A902A6328F)
+_STEP_PHI = np.uint64(0x91E10DA5C79E7B1D)
+_TO_UNIT = 1.0 / 9007199254740992.0
+
+
+@nb.njit(inline="always")
+def _mix(z):
+    """Scatter the bits of a 64-bit counter (the finaliser of SplitMix64, doi:10.1145/2660193.2660195)."""
+    z = (z ^ (z >> np.uint64(30))) * _MIX_1
+    z = (z ^ (z >> np.uint64(27))) * _MIX_2
+    return z ^ (z >> np.uint64(31))
+
+
+@nb.njit(inline="always")
+def _unit(bits):
+    """53 of 64 bits as a number in [0, 1)."""
+    return float(bits >> np.uint64(11)) * _TO_UNIT
+
+
+@nb.njit(inline="always")
+def uniform(key, draw):
+    """Number `draw` (0, 1, ...) of the random stream `key`, uniform in [0, 1): a function of its arguments."""
+    return _unit(_mix(key + np.uint64(draw + 1) * _GOLDEN))
+
+
+@nb.njit(fastmath=FAST, error_model="numpy")
+def meet_relief(relief, index, face, below, top, clear, x, y, z, dx, dy, dz, ix, iy, tri):
+    """Nearest crossing of a ray with one face's relief.
+
+    Each cell between four samples is cut into two planes along its diagonal 00-11; plane 0 has the larger x.
+    The walk goes from cell to cell of some level of the hierarchy, down where the ray dips below the bound of
+    a cell, and up again where it leaves the parent of a cell.
+
+    Parameters
+    ----------
+    relief, index : the heights and bounds of both faces, see `hierarchy.pack`.
+    face : FRONT or BACK.
+    below : 0 if the ray runs above the surface, 1 if below; then everything is mirrored in z.
+    top : highest point of the (mirrored) relief: beyond it the shell ends.
+    clear : sine of the elevation of the steepest slope of this face; light that leaves the surface more steeply
+        cannot meet it again.
+    x, y, z : start; x and y in pixels within the period, z in um from the mean plane.
+    dx, dy, dz : direction, in pixels and um per um of way.
+    ix, iy, tri : the plane on which the ray starts, which it cannot meet again; tri = -1 where there is none.
+
+    Returns
+    -------
+    t : way in um; -1 where the ray leaves the shell away from the surface, -2 where it is given up.
+    ix, iy, tri : the plane that was met.
+    gx, gy : its slopes in um per pixel.
+    x, y : the start again, moved by whole periods so that start + t * direction lies in cell (ix, iy).
+    """
+    nx = index[face, 1]
+    ny = index[face, 2]
+    levels = index[face, 3]
+    row = nx + 1
+    mirror = 1.0 - 2.0 * below
+    z *= mirror
+    dz *= mirror
+    # Way after which a rising ray is above all relief.
+    t_end = 1e300
+    if dz > 0.0:
+        t_end = (top - z) / dz
+        if t_end <= 0.0 or dz > clear:
+            return -1.0, ix, iy, tri, 0.0, 0.0, x, y
+    if dx == 0.0:
+        dx = 1e-30
+    if dy == 0.0:
+        dy = 1e-30
+    per_dx = 1.0 / dx
+    per_dy = 1.0 / dy
+    east = 1 if dx > 0.0 else 0
+    north = 1 if dy > 0.0 else 0
+    t = 0.0
+    level = 0
+    if tri < 0:
+        ix = min(int(x), nx - 1)
+        iy = min(int(y), ny - 1)
+        level = min(3, levels)
+    periods = 0
+    bound_of = 4 + below * LEVELS
+    while True:
+        edge_x = min(((ix >> level) + east) << level, nx)
+        edge_y = min(((iy >> level) + north) << level, ny)
+        t_x = (edge_x - x) * per_dx
+        t_y = (edge_y - y) * per_dy
+        # Rounding may put the exit before the entry by an ulp; the way never runs backwards.
+        t_out = t_x if t_x < t_y else t_y
+        if t_out < t:
+            t_out = t
+        z_low = z + dz * (t_out if dz < 0.0 else t)
+        if level > 0:
+            width = (nx + (1 << level) - 1) >> level
+            at = index[face, bound_of + level] + (iy >> level) * width + (ix >> level)
+            if z_low <= relief[np.uint64(at)]:
+                level -= 1
+                continue
+        else:
+            # Unsigned, since a signed index would be tested for counting from the end.
+            at = index[face, 0] + iy * row + ix
+            h00 = mirror * relief[np.uint64(at)]
+            h10 = mirror * relief[np.uint64(at + 1)]
+            h01 = mirror * relief[np.uint64(at + row)]
+            h11 = mirror * relief[np.uint64(at + row + 1)]
+            if z_low <= max(max(h00, h10), max(h01, h11)):
+                # The ray in the cell: u along x, v along y; it changes from one plane to the other at t_d.
+                u = x - ix
+                v = y - iy
+                w = dx - dy
+                t_d = (v - u) / w if w != 0.0 else 1e300
+                split = t < t_d < t_out
+                t_in = t
+                t_far = t_d if split else t_out
+                plane = 0 if (u - v) + w * 0.5 * (t_in + t_far) >= 0.0 else 1
+                last = False
+                while True:
+                    if plane == 0:
+                        gx = h10 - h00
+                        gy = h11 - h10
+                    else:
+                        gx = h11 - h01
+                        gy = h01 - h00
+                    if plane != tri:
+                        # Height of the ray over the plane, c0 + c1 t, negative at the end: it crossed.
+                        c0 = z - h00 - gx * u - gy * v
+                        c1 = dz - gx * dx - gy * dy
+                        if c0 + c1 * t_far < 0.0:
+                            t_hit = -c0 / c1 if c1 != 0.0 else t_in
+                            # Below the plane already on entry: it crossed at the seam of two planes.
+                            t_hit = min(max(t_hit, t_in), t_far)
+                            return t_hit, ix, iy, plane, mirror * gx, mirror * gy, x, y
+                    if last or not split:
+                        break
+                    last = True
+                    t_in = t_far
+                    t_far = t_out
+                    plane = 1 - plane
+        # On to the next cell of this level.
+        tri = -1
+        t = t_out
+        if t > t_end:
+            return -1.0, ix, iy, -1, 0.0, 0.0, x, y
+        parent = level + 1
+        if t_x < t_y:
+            # The other coordinate may have been rounded over the side of the block that the ray is still in. It
+            # is not negative in earnest, so that cutting off its fraction rounds it down.
+            jx = edge_x - 1 + east
+            low = (iy >> level) << level
+            iy = max(low, min(min(low + (1 << level), ny) - 1, int(y + dy * t)))
+            up = (jx >> parent) != (ix >> parent)
+            if jx == nx or jx < 0:
+                # Out of the period on one side is into it on the other; the start moves along.
+                jump = nx - 2 * nx * east
+                jx += jump
+                x += jump
+                up = True
+                periods += 1
+            ix = jx
+        else:
+            jy = edge_y - 1 + north
+            low = (ix >> level) << level
+            ix = max(low, min(min(low + (1 << level), nx) - 1, int(x + dx * t)))
+            up = (jy >> parent) != (iy >> parent)
+            if jy == ny or jy < 0:
+                jump = ny - 2 * ny * north
+                jy += jump
+                y += jump
+                up = True
+                periods += 1
+            iy = jy
+        if up and level < levels:
+            level = parent
+        if periods > MAX_PERIODS:
+            return -2.0, ix, iy, -1, 0.0, 0.0, x, y
+
+
+@nb.njit(fastmath=FAST, error_model="numpy")
+def _meet_bubble(bubbles, first, member, grid, x, y, z, dx, dy, dz, t_max):
+    """Nearest bubble that a ray in the glass enters within the way t_max.
+
+    `bubbles` [N, 9]: centre, then xx, yy, zz, xy, xz, yz of the symmetric matrix M that takes the bubble to
+    the unit sphere. The cells of a plane grid list the bubbles over them: cell c holds
+    member[first[c]:first[c+1]]; grid = cells along x and y, and their sizes.
+
+    Returns the way (-1: none) and the bubble with its centre's x and y.
+    """
+    nx = int(grid[0])
+    ny = int(grid[1])
+    size_x = grid[2]
+    size_y = grid[3]
+    jx = int(math.floor(x / size_x))
+    jy = int(math.floor(y / size_y))
+    east = dx > 0.0
+    north = dy > 0.0
+    step_x = size_x / abs(dx) if dx != 0.0 else 1e300
+    step_y = size_y / abs(dy) if dy != 0.0 else 1e300
+    t_x = ((jx + 1 if east else jx) * size_x - x) / dx if dx != 0.0 else 1e300
+    t_y = ((jy + 1 if north else jy) * size_y - y) / dy if dy != 0.0 else 1e300
+    best = t_max
+    found = -1
+    found_x = 0.0
+    found_y = 0.0
+    t = 0.0
+    cells = 0
+    while t <= best and cells < MAX_EVENTS:
+        cx = jx % nx
+        cy = jy % ny
+        c = cy * nx + cx
+        for m in range(first[c], first[c + 1]):
+            k = member[m]
+            # Of all periodic images of the bubble, the one nearest to this cell.
+            bx = bubbles[k, 0]
+            by = bubbles[k, 1]
+            bx += math.floor(((jx + 0.5) * size_x - bx) / (nx * size_x) + 0.5) * (nx * size_x)
+            by += math.floor(((jy + 0.5) * size_y - by) / (ny * size_y) + 0.5) * (ny * size_y)
+            px, py, pz = _to_sphere(bubbles, k, x - bx, y - by, z - bubbles[k, 2])
+            qx, qy, qz = _to_sphere(bubbles, k, dx, dy, dz)
+            # |p + t q| = 1; only entering (p.q < 0), from outside (|p| > 1).
+            b = px * qx + py * qy + pz * qz
+            if b < 0.0:
+                a = qx * qx + qy * qy + qz * qz
+                out = px * px + py * py + pz * pz - 1.0
+                d = b * b - a * out
+                if d > 0.0 and out > 0.0:
+                    t_hit = out / (math.sqrt(d) - b)
+                    if t_hit < best:
+                        best = t_hit
+                        found = k
+                        found_x = bx
+                        found_y = by
+        if t_x < t_y:
+            t = t_x
+            t_x += step_x
+            jx += 1 if east else -1
+        else:
+            t = t_y
+            t_y += step_y
+            jy += 1 if north else -1
+        cells += 1
+    return (best if found >= 0 else -1.0), found, found_x, found_y
+
+
+@nb.njit(inline="always")
+def _to_sphere(bubbles, k, x, y, z):
+    """M (x, y, z) of bubble k; M is symmetric, so it also takes normals of the sphere back."""
+    return (
+        bubbles[k, 3] * x + bubbles[k, 6] * y + bubbles[k, 7] * z,
+        bubbles[k, 6] * x + bubbles[k, 4] * y + bubbles[k, 8] * z,
+        bubbles[k, 7] * x + bubbles[k, 8] * y + bubbles[k, 5] * z,
+    )
+
+
+@nb.njit(fastmath=FAST, error_model="numpy")
+def meet_interface(nx, ny, nz, dx, dy, dz, ratio, polarised, sx, sy, sz, q, u, v, key, draw):
+    """Reflect or refract one path, by chance, with Fresnel's share of the power as the probability.
+
+    Parameters
+    ----------
+    nx, ny, nz : unit normal, on the side the light comes from.
+    dx, dy, dz : direction of the light.
+    ratio : n1 / n2, index on this side over index beyond.
+    polarised : False to forget the polarisation after each interface (s and p averaged).
+    sx, sy, sz, q, u, v : reference axis of the Stokes vector (1, q, u, v), which looks along the light with
+        axes s and d x s; q > 0 is light swinging along the axis.
+    key, draw : random stream and the number of the next draw.
+
+    Returns
+    -------
+    crossed, the new dx, dy, dz, sx, sy, sz, q, u, v, and draw.
+    """
+    c = -(dx * nx + dy * ny + dz * nz)
+    sin2 = 1.0 - c * c
+    k = 1.0 - ratio * ratio * sin2
+    turn = polarised and sin2 > 1e-24
+    if turn:
+        # The new axis s = d x n stands on the plane of incidence. At normal incidence there is no such plane,
+        # and the old axis does.
+        ax = dy * nz - dz * ny
+        ay = dz * nx - dx * nz
+        az = dx * ny - dy * nx
+        per = 1.0 / math.sqrt(ax * ax + ay * ay + az * az)
+        ax *= per
+        ay *= per
+        az *= per
+        # Angle from the old axis to the new one, about d, and Q, U in the new frame.
+        co = sx * ax + sy * ay + sz * az
+        si = dx * (sy * az - sz * ay) + dy * (sz * ax - sx * az) + dz * (sx * ay - sy * ax)
+        norm = co * co + si * si
+        c2 = (co * co - si * si) / norm
+        s2 = 2.0 * co * si / norm
+        q, u = q * c2 + u * s2, u * c2 - q * s2
+        sx = ax
+        sy = ay
+        sz = az
+    crossed = False
+    if k > 0.0:
+        cos_t = math.sqrt(k)
+        # Fresnel's amplitudes (Born and Wolf 1999, 1.5.2), with p = d x s for every ray.
+        rs = (ratio * c - cos_t) / (ratio * c + cos_t)
+        rp = (c - ratio * cos_t) / (c + ratio * cos_t)
+        from_s = 0.5 * (1.0 + q)
+        from_p = 0.5 * (1.0 - q)
+        reflected = rs * rs * from_s + rp * rp * from_p
+        xi = uniform(key, draw)
+        draw += 1
+        if xi >= reflected:
+            crossed = True
+            if polarised:
+                ts = 1.0 - rs * rs
+                tp = 1.0 - rp * rp
+                per = 1.0 / (1.0 - reflected)
+                q = (ts * from_s - tp * from_p) * per
+                both = math.sqrt(ts * tp) * per
+                u *= both
+                v *= both
+            f = ratio * c - cos_t
+            dx = ratio * dx + f * nx
+            dy = ratio * dy + f * ny
+            dz = ratio * dz + f * nz
+        elif polarised:
+            per = 1.0 / reflected
+            q = (rs * rs * from_s - rp * rp * from_p) * per
+            both = rs * rp * per
+            u *= both
+            v *= both
+    elif polarised:
+        # Total reflection: rs / rp has modulus 1 and the argument 2 atan(b / a); U + iV turns by it.
+        a = ratio * sin2
+        b = c * math.sqrt(-k)
+        per = 1.0 / (a * a + b * b)
+        re = (a * a - b * b) * per
+        im = 2.0 * a * b * per
+        u, v = re * u - im * v, im * u + re * v
+    if not crossed:
+        dx += 2.0 * c * nx
+        dy += 2.0 * c * ny
+        dz += 2.0 * c * nz
+    if not polarised:
+        q = 0.0
+    return crossed, dx, dy, dz, sx, sy, sz, q, u, v, draw
+
+
+@nb.njit(fastmath=FAST, error_model="numpy")
+def _path(
+    relief, index, scale, bubbles, first, member, grid, eta, absorption, polarised,
+    face, x, y, dx, dy, dz, key,
+):  # fmt: skip
+    """Follow one path from above (or below) the pane until it leaves it.
+
+    Returns where it ended (FRONT, BACK, LOST), its direction, its weight, what was absorbed of it, and its way
+    in glass in um.
+    """
+    # scale[face]: pixels per um along x and y; mean plane; highest point of the relief above it and lowest below
+    # it; sine of the steepest slope.
+    z = scale[face, 2] + scale[face, 3] if face == FRONT else scale[face, 2] - scale[face, 4]
+    tri = -1
+    ix = 0
+    iy = 0
+    px = x * scale[face, 0]
+    py = y * scale[face, 1]
+    px -= math.floor(px / index[face, 1]) * index[face, 1]
+    py -= math.floor(py / index[face, 2]) * index[face, 2]
+    in_glass = False
+    in_bulk = False
+    bubble = -1
+    bx = 0.0
+    by = 0.0
+    sx, sy, sz, q, u, v = 1.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    weight = 1.0
+    absorbed = 0.0
+    way = 0.0
+    draw = 2
+    per_eta = 1.0 / eta
+    for _ in range(MAX_EVENTS):
+        if bubble >= 0:
+            # A chord of the bubble: from its wall, p.q < 0, straight to the other end.
+            ax, ay, az = _to_sphere(bubbles, bubble, x - bx, y - by, z - bubbles[bubble, 2])
+            cx, cy, cz = _to_sphere(bubbles, bubble, dx, dy, dz)
+            t = max(-2.0 * (ax * cx + ay * cy + az * cz) / (cx * cx + cy * cy + cz * cz), 0.0)
+            nx, ny, nz = _to_sphere(bubbles, bubble, ax + t * cx, ay + t * cy, az + t * cz)
+        elif in_bulk:
+            # Straight to the near bound of the shell ahead, unless a bubble stands in the way.
+            face = FRONT if dz > 0.0 else BACK
+            bound = scale[face, 2] - scale[face, 4] if face == FRONT else scale[face, 2] + scale[face, 3]
+            t = max((bound - z) / dz, 0.0)
+            if bubbles.shape[0] > 0:
+                t_bubble, bubble, bx, by = _meet_bubble(bubbles, first, member, grid, x, y, z, dx, dy, dz, t)
+                if bubble >= 0:
+                    t = t_bubble
+            if bubble >= 0:
+                ax, ay, az = _to_sphere(
+                    bubbles, bubble, x + t * dx - bx, y + t * dy - by, z + t * dz - bubbles[bubble, 2]
+                )
+                nx, ny, nz = _to_sphere(bubbles, bubble, ax, ay, az)
+            else:
+                nx, ny, nz = 0.0, 0.0, 0.0
+        else:
+            # In a shell; the relief runs through it.
+            below = 1 if (face == FRONT) == in_glass else 0
+            t, ix, iy, tri, gx, gy, px, py = meet_relief(
+                relief, index, face, below, scale[face, 3 + below], scale[face, 5],
+                px, py, z - scale[face, 2],
+                dx * scale[face, 0], dy * scale[face, 1], dz,
+                ix, iy, tri,
+            )  # fmt: skip
+            if t < 0.0:
+                if t < -1.5 or (in_glass == ((face == FRONT) == (dz > 0.0))):
+                    return LOST, dx, dy, dz, weight, absorbed, way
+                if not in_glass:
+                    return face, dx, dy, dz, weight, absorbed, way
+                in_bulk = True
+                continue
+            px += t * dx * scale[face, 0]
+            py += t * dy * scale[face, 1]
+            nx, ny, nz = -gx * scale[face, 0], -gy * scale[face, 1], 1.0
+        x += t * dx
+        y += t * dy
+        z += t * dz
+        if in_glass:
+            way += t
+            if absorption > 0.0:
+                left = weight * math.exp(-absorption * t)
+                absorbed += weight - left
+                weight = left
+                if weight < MIN_WEIGHT:
+                    return ABSORBED, dx, dy, dz, 0.0, absorbed + weight, way
+        if in_bulk and bubble < 0:
+            # Arrived at a shell: to its own pixels, within the period.
+            in_bulk = False
+            tri = -1
+            z = bound
+            px = x * scale[face, 0]
+            py = y * scale[face, 1]
+            px -= math.floor(px / index[face, 1]) * index[face, 1]
+            py -= math.floor(py / index[face, 2]) * index[face, 2]
+            continue
+        per = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz)
+        if nx * dx + ny * dy + nz * dz > 0.0:
+            per = -per
+        crossed, dx, dy, dz, sx, sy, sz, q, u, v, draw = meet_interface(
+            nx * per, ny * per, nz * per, dx, dy, dz, eta if in_glass else per_eta,
+            polarised, sx, sy, sz, q, u, v, key, draw,
+        )  # fmt: skip
+        if in_bulk:
+            # At a bubble's wall. In the glass means: outside the bubble.
+            if crossed:
+                in_glass = not in_glass
+            if in_glass:
+                bubble = -1
+        elif crossed:
+            in_glass = not in_glass
+    return LOST, dx, dy, dz, weight, absorbed, way
+
+
+@nb.njit(parallel=True, cache=True)
+def trace_kernel(
+    relief, index, scale, bubbles, first, member, grid, eta, absorption, polarised,
+    face, theta, phi, turned, repeat_x, repeat_y, seed, start, per_replicate,
+    ux, uy, side, weight, absorbed, way,
+):  # fmt: skip
+    """Trace paths start, start + 1, ... and store what became of each.
+
+    Parameters
+    ----------
+    relief, index, scale, bubbles, first, member, grid : the pane, see `slab.Geometry`.
+    eta, absorption : index of the glass, absorption in 1/um.
+    polarised : see `meet_interface`.
+    face, theta, phi : the face the light arrives on; polar angle from its normal and azimuth, radians.
+    turned : True to turn the sample under the beam: each path has its own azimuth, and leaves in the frame
+        in which the light came from azimuth 0.
+    repeat_x, repeat_y : the light spreads over so many periods of that face.
+    seed : of the random streams. Path p draws from a stream of its own, known by (seed, p).
+    start, per_replicate : first path; paths p of one p // per_replicate form a randomised replicate.
+    ux, uy, side, weight, absorbed, way : [K] results, written here; see `trace.Paths`.
+    """
+    root = _mix(np.uint64(seed) * _GOLDEN + _MIX_2)
+    # Directions point away from the sample, the light runs towards it.
+    sin_t = math.sin(theta)
+    cos_t = -math.cos(theta) if face == FRONT else math.cos(theta)
+    co_0 = math.cos(phi)
+    si_0 = math.sin(phi)
+    columns = int(math.sqrt(per_replicate)) + 1
+    width_x = index[face, 1] / scale[face, 0]
+    width_y = index[face, 2] / scale[face, 1]
+    for i in nb.prange(ux.size):
+        p = start + i
+        replicate = p // per_replicate
+        number = p - replicate * per_replicate
+        # Starts: a lattice of rows, each sheared by a step that never repeats, shifted as a whole by chance in each
+        # replicate. Neighbours in number are neighbours in place, whose relief is still in the cache.
+        shift = _mix(root + np.uint64(replicate + 1) * _MIX_1)
+        key = _mix(root ^ (np.uint64(p + 1) * _STEP_PHI))
+        count = np.uint64(number)
+        y = number / per_replicate + uniform(shift, 0)
+        y -= math.floor(y)
+        row = number // columns
+        x = (number - row * columns + _unit(np.uint64(row) * _STEP_X)) / columns + uniform(shift, 1)
+        x -= math.floor(x)
+        # Which of the periods: the other face and the bubbles lie differently under each.
+        x += int(uniform(key, 0) * repeat_x)
+        y += int(uniform(key, 1) * repeat_y)
+        co = co_0
+        si = si_0
+        if turned:
+            azimuth = 2.0 * math.pi * _unit(count * _STEP_PHI + _mix(shift + _STEP_PHI))
+            co = math.cos(azimuth)
+            si = math.sin(azimuth)
+        ended, dx, dy, dz, w, a, way_in_glass = _path(
+            relief, index, scale, bubbles, first, member, grid, eta, absorption, polarised,
+            face, x * width_x, y * width_y, -sin_t * co, -sin_t * si, cos_t, key,
+        )  # fmt: skip
+        if turned:
+            dx, dy = dx * co + dy * si, dy * co - dx * si
+        ux[i] = dx
+        uy[i] = dy
+        side[i] = ended
+        weight[i] = w
+        absorbed[i] = a
+        way[i] = way_in_glass

@@ -1,0 +1,179 @@
+"""The pane as a whole: two faces, the glass between them, and what the tracer needs to know of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from math import lcm
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specularia.errors import PhysicsError
+from specularia.glass import bubbles as bubble_lists
+from specularia.glass.bubbles import BubbleKind, Bubbles, sample_bubbles
+from specularia.glass.faces import Face
+from specularia.glass.hierarchy import pack, steepest
+from specularia.glass.kernel import BACK, FRONT
+from specularia.glass.medium import Medium
+
+__all__ = ["Geometry", "Slab"]
+
+Array = NDArray[np.float64]
+
+MANY_PERIODS = 65536
+"""Light spreads over so many periods where faces and bubbles have no short common period."""
+
+
+class Geometry(NamedTuple):
+    """The pane as flat arrays, the first arguments of `kernel.trace_kernel`; lengths in um.
+
+    Attributes
+    ----------
+    relief, index : see `hierarchy.pack`; row FRONT and row BACK.
+    scale : [2, 6] pixels per um along x and y, mean plane, highest point of the relief above it and lowest below
+        it (both >= 0), and the sine of the elevation of its steepest slope.
+    bubbles, first, member, grid : see `bubbles.pack`.
+    """
+
+    relief: NDArray[np.float32]
+    index: NDArray[np.int64]
+    scale: Array
+    bubbles: Array
+    first: NDArray[np.int64]
+    member: NDArray[np.int64]
+    grid: Array
+
+
+@dataclass(frozen=True)
+class Slab:
+    """A pane that goes on for ever: light leaves it through its faces only.
+
+    Attributes
+    ----------
+    thickness_mm : between the mean planes of the faces, > 0; the reliefs must not meet.
+    medium : the glass.
+    front, back : each as its microscope saw it. The front stands at z = +thickness/2 + h(x, y), the back at
+        z = -thickness/2 - h(-x, y), heights relative to their means: the back map's x runs the other way.
+    bubbles : list of bubbles, or None. The periods of faces and bubbles need not agree.
+    bubble_kinds, bubble_seed : further bubbles by their statistics, drawn into the glass between the reliefs; in
+        the cell of `bubbles` where there is such a list.
+    polarised : whether paths keep their polarisation from one interface to the next.
+    sources : files the pane was read from, for provenance.
+    synthetic : True where any part of it is synthetic; the label goes with what is computed from it.
+    """
+
+    thickness_mm: float
+    medium: Medium = Medium()
+    front: Face = Face.flat("front")
+    back: Face = Face.flat("back")
+    bubbles: Bubbles | None = None
+    bubble_kinds: tuple[BubbleKind, ...] = ()
+    bubble_seed: int = 0
+    polarised: bool = True
+    sources: tuple[Path, ...] = ()
+    synthetic: bool = False
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.thickness_mm < float("inf"):
+            raise PhysicsError(f"thickness_mm must be positive, not {self.thickness_mm}.")
+
+    @cached_property
+    def reliefs(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """One period of the front's and of the back's z about their mean planes, in um, in the slab's frame.
+
+        Sample [row, column] stands at x = column * pitch, y = row * pitch. Kept in single precision: relative
+        to a relief of 60 um its steps are 4e-6 um.
+        """
+        back = self.back.tile()
+        return (
+            self.front.tile().astype(np.float32),
+            # x runs the other way: column j of the slab is column -j of the map.
+            (-np.roll(back[:, ::-1], 1, axis=1)).astype(np.float32),
+        )
+
+    @cached_property
+    def bulk_mm(self) -> tuple[float, float]:
+        """(low, high) z of the glass between the shells of relief; a PhysicsError where they meet."""
+        front, back = self.reliefs
+        low = -0.5 * self.thickness_mm + 1e-3 * float(back.max())
+        high = 0.5 * self.thickness_mm + 1e-3 * float(front.min())
+        if not low < high:
+            raise PhysicsError(
+                f"the reliefs meet: {self.thickness_mm:g} mm between the mean planes leave "
+                f"{high - low:.4g} mm between the deepest points of {self.front.name} and {self.back.name}."
+            )
+        return low, high
+
+    @cached_property
+    def all_bubbles(self) -> Bubbles | None:
+        """Listed and drawn bubbles together; a PhysicsError where one reaches into a relief."""
+        low, high = self.bulk_mm
+        lists = [self.bubbles] if self.bubbles is not None else []
+        if self.bubble_kinds:
+            drawn = sample_bubbles(
+                self.bubble_kinds,
+                thickness_mm=self.thickness_mm,
+                low_mm=low,
+                high_mm=high,
+                seed=self.bubble_seed,
+                cell_mm=self.bubbles.cell_mm if self.bubbles is not None else None,
+            )
+            lists.append(drawn)
+        if not lists:
+            return None
+        bubbles = Bubbles.join(lists)
+        bubbles.check_within(low, high)
+        return bubbles
+
+    @cached_property
+    def pitch_um(self) -> Array:
+        """[2, 2] pixel sizes (x, y) of front and back. A flat face takes over the period of the other."""
+        pitch = np.array(
+            [[self.front.pitch_x_um, self.front.pitch_y_um], [self.back.pitch_x_um, self.back.pitch_y_um]]
+        )
+        flat = [self.front.is_flat, self.back.is_flat]
+        if all(flat):
+            pitch[:] = 1000.0
+        elif any(flat):
+            this, other = (FRONT, BACK) if flat[FRONT] else (BACK, FRONT)
+            pitch[this] = pitch[other] * self.reliefs[other].shape[::-1]
+        return pitch
+
+    @cached_property
+    def geometry(self) -> Geometry:
+        """Arrays for the tracer, made once."""
+        scale = np.empty((2, 6))
+        scale[:, :2] = 1.0 / self.pitch_um
+        scale[:, 2] = 500.0 * self.thickness_mm, -500.0 * self.thickness_mm
+        for face, relief in enumerate(self.reliefs):
+            slope = steepest(relief, pitch_x_um=self.pitch_um[face, 0], pitch_y_um=self.pitch_um[face, 1])
+            # A little more than the truth, since light and slope are compared in rounded numbers.
+            slope *= 1.0 + 1e-5
+            scale[face, 3:] = relief.max(), -relief.min(), slope / np.hypot(1.0, slope)
+        relief, index = pack(self.reliefs)
+        return Geometry(relief, index, scale, *bubble_lists.pack(self.all_bubbles))
+
+    def repeats(self, face: int) -> tuple[int, int]:
+        """Periods of a face, along x and y, over which all faces and bubbles repeat together.
+
+        `MANY_PERIODS` where there is no common period shorter than that: then every place of one face lies
+        under practically every place of the other.
+        """
+        periods = [self.pitch_um[f] * self.reliefs[f].shape[::-1] for f in (FRONT, BACK)]
+        own = periods[face]
+        others = [periods[BACK if face == FRONT else FRONT]]
+        if self.all_bubbles is not None and len(self.all_bubbles):
+            others.append(1e3 * np.asarray(self.all_bubbles.cell_mm))
+        x, y = (lcm(*(_repeat(own[axis], other[axis]) for other in others)) for axis in (0, 1))
+        return min(x, MANY_PERIODS), min(y, MANY_PERIODS)
+
+
+def _repeat(own: float, other: float) -> int:
+    """Smallest whole number of own periods that is a whole number of the other's; `MANY_PERIODS` if none."""
+    ratio = Fraction(own / other).limit_denominator(MANY_PERIODS)
+    exact = abs(float(ratio) * other / own - 1.0) < 1e-12
+    return ratio.denominator if exact else MANY_PERIODS

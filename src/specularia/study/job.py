@@ -1,0 +1,201 @@
+"""STUDY.toml: which files a study has and what is made of them.
+
+Every table is optional but one of `[gonio]`, `[surface]`, `[glass]` and `[finds]` must be there; what is not
+given is not done. Paths count from the file's own folder; `*`, `?` and `[...]` in the paths of measured data
+stand for several files. A complete example::
+
+    [twin]                             # leave out for real specimens
+    settings = "twin.toml"             # of the synthetic specimen to make first
+    folder = "specimen"                # paths below that begin with this name lie in what it makes
+
+    [gonio]                            # measured tables -> Model M
+    tables = ["gonio/*.dat"]
+
+    [surface]                          # focus stacks or height maps -> the faces of Model C
+    front = "front_stack.tif"
+    back = "back_stack.tif"
+
+    [glass]                            # the slab -> Model C
+    settings = "glass.toml"            # faces given in [surface] take the place of its own
+
+    [trace]
+    wavelength_nm = 520.0
+    paths = 200000
+    seed = 1
+
+    [xml]                              # Radiance files of both models
+    resolution = 6
+
+    [room]
+    settings = "room.toml"
+
+    [finds]
+    table = "finds.csv"
+    plan = "plan.geojson"
+
+    [report]
+    title = "A pane from house 1"
+    dsf_theta_deg = [20, 30, 40]
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from specularia.jobs import FilePath, Job, load_toml
+
+__all__ = [
+    "FindsFiles",
+    "GlassFile",
+    "GonioFiles",
+    "ReportOptions",
+    "RoomFile",
+    "StudyJob",
+    "SurfaceFiles",
+    "TraceOptions",
+    "TwinFile",
+    "XmlOptions",
+    "read_job",
+]
+
+Pattern = Annotated[str, Field(min_length=1)]
+"""A path or a pattern of paths, counted from the study's folder or within what the twin makes."""
+
+Polar = Annotated[float, Field(ge=0.0, lt=90.0)]
+
+
+class TwinFile(Job):
+    """[twin]: a synthetic specimen is made first."""
+
+    settings: FilePath
+    """TWIN.toml of `specularia twin`."""
+    folder: Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$")] = "specimen"
+    """Paths that begin with this name lie in what the twin makes; the output folder leads there under it."""
+    seed: Annotated[int, Field(ge=0)] = 1
+    """Of the specimen, its measurement noise and its traced light."""
+
+
+class GonioFiles(Job):
+    """[gonio]: tables of a gonio-photometer."""
+
+    tables: Annotated[list[Pattern], Field(min_length=1)]
+    """Files or patterns, all of one specimen."""
+    quantity: Literal["DSF", "BSDF"] | None = None
+    """What the values are, for files that do not say, or against what they say."""
+    side: Literal["transmission", "reflection"] | None = None
+    """Which side was measured, against the rule that theta_s < 90 is the side that the light came from."""
+    wavelength_nm: Annotated[float, Field(ge=200.0, le=20000.0)] | None = None
+    """Of the light used, for files that do not say; else their band is Visible."""
+
+
+class SurfaceFiles(Job):
+    """[surface]: what the microscope saw of the two faces, each a focus stack or a height map."""
+
+    front: Pattern | None = None
+    """The face that the light of the gonio-photometer arrives on."""
+    back: Pattern | None = None
+    """The other face, as its microscope saw it."""
+    front_image: Pattern | None = None
+    """All-in-focus picture of the front, for the report; what the stack gives if left out."""
+    back_image: Pattern | None = None
+    """The same of the back."""
+    pitch_um: Annotated[float, Field(gt=0.0)] | None = None
+    """Pixel size of files that do not hold one."""
+    step_um: Annotated[float, Field(gt=0.0)] | None = None
+    """Step between the slices of stacks that do not hold one."""
+    first_row: Literal["bottom", "top"] | None = None
+    """Whether row 0 of the slices is their lowest y, for stacks that do not say."""
+    unit: str | None = None
+    """Unit of the heights of maps that do not name one: m, mm, um or nm."""
+    tiling: Literal["periodic", "mirror", "blend"] = "mirror"
+    """How the faces go on beyond their fields in the slab; see GLASS.toml. Measured maps do not repeat by
+    themselves: mirror fits always, blend keeps the period short."""
+
+    @model_validator(mode="after")
+    def _one_at_least(self) -> SurfaceFiles:
+        if self.front is None and self.back is None:
+            raise ValueError("front or back, or both")
+        return self
+
+
+class GlassFile(Job):
+    """[glass]: the slab."""
+
+    settings: FilePath
+    """GLASS.toml of `specularia glass`; a face given in [surface] takes the place of the heights it names."""
+
+
+class TraceOptions(Job):
+    """[trace]: how Model C is traced, and the light of all comparisons."""
+
+    wavelength_nm: Annotated[float, Field(ge=300.0, le=2500.0)] = 520.0
+    """Where the medium is a spectrum, this wavelength is traced."""
+    paths: Annotated[int, Field(ge=1000)] = 200_000
+    """Per incident direction and side."""
+    seed: Annotated[int, Field(ge=0)] = 1
+    """Of the traced paths."""
+
+
+class XmlOptions(Job):
+    """[xml]: the Radiance files of the models."""
+
+    resolution: Annotated[int, Field(ge=5, le=8)] = 6
+    """Directions are split into 4^resolution cells before those that differ little are merged."""
+    cull: Annotated[float, Field(ge=0.0, lt=100.0)] | None = None
+    """Percentage of the cells to merge away; as many as move 1 % of the light if left out."""
+
+
+class RoomFile(Job):
+    """[room]: the room that each model is put into."""
+
+    settings: FilePath
+    """ROOM.toml of `specularia daylight`."""
+
+
+class FindsFiles(Job):
+    """[finds]: the catalogue of finds."""
+
+    table: Pattern
+    """CSV of `specularia finds`."""
+    plan: Pattern | None = None
+    """GeoJSON with the rooms and squares that the table names."""
+
+
+class ReportOptions(Job):
+    """[report]: the page at the end."""
+
+    title: Annotated[str, Field(min_length=1)] = "Study"
+    note: str = ""
+    """Running text under the title; blank lines part paragraphs."""
+    dsf_theta_deg: Annotated[tuple[Polar, ...], Field(min_length=1, max_length=6)] = (20.0, 30.0, 40.0)
+    """Angles of incidence of the figure that sets the models side by side."""
+
+
+class StudyJob(Job):
+    """The whole STUDY.toml."""
+
+    twin: TwinFile | None = None
+    gonio: GonioFiles | None = None
+    surface: SurfaceFiles | None = None
+    glass: GlassFile | None = None
+    trace: TraceOptions = TraceOptions()
+    xml: XmlOptions = XmlOptions()
+    room: RoomFile | None = None
+    finds: FindsFiles | None = None
+    report: ReportOptions = ReportOptions()
+
+    @model_validator(mode="after")
+    def _something_to_do(self) -> StudyJob:
+        if not (self.gonio or self.surface or self.glass or self.finds):
+            raise ValueError("something to do: one of the tables [gonio], [surface], [glass], [finds]")
+        if self.room and not (self.gonio or self.glass):
+            raise ValueError("a model to put into the room: [gonio] for Model M or [glass] for Model C")
+        return self
+
+
+def read_job(path: str | Path) -> StudyJob:
+    """Read STUDY.toml; a FormatError names file, line, what was expected and what was found."""
+    return load_toml(path, StudyJob)

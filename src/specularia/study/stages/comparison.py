@@ -1,0 +1,113 @@
+"""Stages table_1 and dsf: measured, modelled and computed side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from specularia.study.stages.blocks import drawn_table, figure
+from specularia.study.stages.models import read_models
+
+if TYPE_CHECKING:
+    from specularia.study.engine import Work
+
+__all__ = ["dsf", "table_1"]
+
+SIDE = "transmission_front"
+CUSTOMARY_DEG = (0.0, 20.0, 40.0, 60.0, 82.5)
+"""Angles of incidence where nothing was measured."""
+
+
+def table_1(work: Work) -> Mapping[str, Any]:
+    """Direct-hemispherical transmission of the measurement, the models and a clear slab."""
+    import numpy as np
+
+    from specularia import analysis
+    from specularia.glass.closed_form import flat_slab
+    from specularia.report import figures, tables
+
+    models = read_models(work)
+    given = work.parameters
+    points = (
+        [p for p in work.summary("measured")["integrals"] if p["side"] == SIDE]
+        if "measured" in work.results
+        else []
+    )
+    points.sort(key=lambda p: p["theta_deg"])
+    measured = None
+    if points:
+        measured = analysis.TauPoints(
+            theta_deg=np.array([p["theta_deg"] for p in points]),
+            tau=np.array([p["value"] for p in points]),
+            se=np.array([p["se"] for p in points]),
+            band=points[0]["band"],
+        )
+    theta = np.unique(measured.theta_deg) if measured is not None else np.array(CUSTOMARY_DEG)
+    slab = {"index": given["index"], "thickness_mm": given["thickness_mm"]}
+    result = analysis.table_1(measured, models, theta, side=SIDE, **slab)
+    csv = analysis.write_table_1(result, work.folder / "table_1.csv")
+    synthetic = any(work.summary(name)["synthetic"] for name in work.results)
+    light = f"{given['wavelength_nm']:g} nm"
+    caption = (
+        f"Direct-hemispherical transmission at {result.band}, light arriving on the front, with standard "
+        f"errors. Clear slab: two parallel smooth faces of index {given['index']:.4g} at {light} without "
+        "absorption, all reflections between them, polarisation kept, in closed form. * beyond the last "
+        "angle of the model's data."
+    )
+    fine = np.linspace(0.0, 89.5, 180)
+    curve = flat_slab(fine, index=given["index"], absorption_per_mm=0.0, thickness_mm=given["thickness_mm"])[
+        0
+    ]
+    picture = figures.tau_curves(
+        models,
+        work.folder / "tau.png",
+        measured=measured,
+        slab=(fine, curve),
+        side=SIDE,
+        synthetic=synthetic,
+    )
+    drawn = (
+        "Direct-hemispherical transmission over the angle of incidence: models as lines, dashed where they "
+        "are extrapolated, measured values with two standard errors, the clear slab in grey."
+    )
+    return {
+        "synthetic": synthetic,
+        "theta_deg": result.theta_deg,
+        "rows": dict(zip(result.rows, result.tau)),
+        "ratio": dict(zip(result.rows, result.ratio)),
+        "blocks": [
+            drawn_table(tables.transmission_table(result, caption), synthetic=synthetic, csv=csv.name),
+            figure(picture, drawn, synthetic=synthetic),
+        ],
+    }
+
+
+def dsf(work: Work) -> Mapping[str, Any]:
+    """Draw the distributions of the models side by side."""
+    from specularia.report import figures
+
+    models = read_models(work)
+    theta = work.parameters["theta_deg"]
+    synthetic = any(work.summary(name)["synthetic"] for name in work.results)
+    angles = ", ".join(f"{t:g}" for t in theta)
+    picture = figures.dsf(models, theta, work.folder / "dsf.png", side=SIDE, synthetic=synthetic)
+    cut = figures.sections(models, theta, work.folder / "sections.png", side=SIDE, synthetic=synthetic)
+    return {
+        "synthetic": synthetic,
+        "blocks": [
+            figure(
+                picture,
+                f"Differential scattering function of Model {' (top) and Model '.join(models)} at theta_i "
+                f"= {angles} degrees, seen from the front, on one logarithmic scale of five decades. The "
+                "cross marks where undeflected light leaves."
+                + (" An angle that was not measured is interpolated by Model M." if "M" in models else ""),
+                synthetic=synthetic,
+            ),
+            figure(
+                cut,
+                f"The same in the plane of incidence, theta_i = {angles} degrees; undeflected light leaves "
+                "at -theta_i.",
+                synthetic=synthetic,
+            ),
+        ],
+    }

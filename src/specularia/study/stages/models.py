@@ -1,0 +1,90 @@
+"""Stage model_c, and what both models have in common: their files and what is said of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from specularia.study.stages.blocks import table
+from specularia.study.stages.surfaces import MAP
+
+if TYPE_CHECKING:
+    from specularia.bsdf import TabulatedModel
+    from specularia.study.engine import Work
+
+__all__ = ["MODEL", "model_c", "read_models", "write_model"]
+
+MODEL = "model.nc"
+"""Name of the model in the result of a model stage."""
+
+_NAMES = {"model_m": "M", "model_c": "C"}
+
+
+def read_models(work: Work) -> dict[str, TabulatedModel]:
+    """The models among the results that a stage needs, M before C."""
+    from specularia import bsdf
+
+    return {
+        name: bsdf.read_model(work.results[stage] / MODEL)
+        for stage, name in _NAMES.items()
+        if stage in work.results
+    }
+
+
+def write_model(work: Work, name: str, model: TabulatedModel, *, synthetic: bool) -> dict[str, Any]:
+    """Write a model for this package (model.nc) and for Radiance (model.xml), and say what was written."""
+    from specularia import bsdf
+
+    bsdf.write(model, work.folder / MODEL)
+    bsdf.write(
+        model,
+        work.folder / "model.xml",
+        resolution=work.parameters["resolution"],
+        cull=work.parameters["cull"],
+        name=f"specularia model {name}",
+    )
+    rows = [
+        [
+            side.replace("_", " "),
+            found.origin,
+            len(found.theta_i_deg),
+            f"{found.theta_i_deg[0]:g} to {found.theta_i_deg[-1]:g}",
+            f"{found.tau[0]:.4f} ± {found.tau_se[0]:.1g}",
+        ]
+        for side, found in model.tables.items()
+    ]
+    header = ["side", "origin", "angles", "theta_i (°)", "tau or rho at the first"]
+    caption = (
+        f"Model {name}, band {model.band}: the sides it holds and the angles of incidence of its data. A "
+        "side that is not listed follows by reciprocity; beyond the last angle the model is extrapolated."
+    )
+    return {
+        "synthetic": synthetic,
+        "band": model.band,
+        "sides": list(model.sides),
+        "blocks": [table(header, rows, caption, synthetic=synthetic)],
+    }
+
+
+def model_c(work: Work) -> Mapping[str, Any]:
+    """Trace light through the slab; faces of the study take the place of those that its glass names."""
+    from specularia import glass, surface
+
+    slab = glass.read_slab(work.file("settings"))
+    for stage, folder in work.results.items():
+        face = stage.removeprefix("heights_")
+        height_map = surface.read(folder / MAP)
+        made = glass.Face.from_map(height_map, tiling=work.parameters["tiling"], name=f"{face} face")
+        changed: dict[str, Any] = {
+            face: made,
+            "synthetic": slab.synthetic or work.summary(stage)["synthetic"],
+        }
+        slab = replace(slab, **changed)
+    model = glass.model(
+        slab,
+        paths=work.parameters["paths"],
+        seed=work.parameters["seed"],
+        wavelength_nm=work.parameters["wavelength_nm"],
+    )
+    return write_model(work, "C", model, synthetic=slab.synthetic)

@@ -1,0 +1,78 @@
+"""Stage room: the lit room with each model in its window."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from specularia.study.stages.blocks import figure, table
+from specularia.study.stages.models import read_models
+
+if TYPE_CHECKING:
+    from specularia.study.engine import Work
+
+__all__ = ["room"]
+
+
+def room(work: Work) -> Mapping[str, Any]:
+    """Light the room through each model; illuminance at its points and luminance maps of its views."""
+    from specularia import daylight
+    from specularia.report import figures
+
+    models = read_models(work)
+    synthetic = any(work.summary(name)["synthetic"] for name in work.results if name.startswith("model_"))
+    lit = daylight.run(
+        work.file("settings"), models=models, folder=work.folder / "pictures", seed=work.parameters["seed"]
+    )
+    names = list(dict.fromkeys(p.model for p in lit.points))
+    value = {(p.name, p.model): p for p in lit.points}
+    places = list(dict.fromkeys(p.name for p in lit.points))
+    rows = [
+        [place, *(f"{value[place, m].illuminance_lx:,.0f} ± {value[place, m].se:.1f}" for m in names)]
+        for place in places
+    ]
+    blocks = []
+    if rows:
+        caption = (
+            "Illuminance (lx) at the named points, direct and interreflected. The standard error is that "
+            "of the computation; it does not know of the model's, the sky's and the room's uncertainty."
+        )
+        blocks.append(table(["point", *(f"Model {m}" for m in names)], rows, caption, synthetic=synthetic))
+    panes = [
+        [p.window, f"Model {p.model}", p.view, f"{p.luminance_cd_m2:,.0f}", f"{p.exitance_lm_m2:,.0f}"]
+        for p in lit.panes
+    ]
+    outside = "; ".join(
+        dict.fromkeys(
+            f"{p.window}: sun {p.sun_lx:,.0f} lx, sky and ground {p.sky_lx:,.0f} lx" for p in lit.panes
+        )
+    )
+    header = ["window", "through", "seen", "luminance (cd/m²)", "exitance (lm/m²)"]
+    caption = (
+        "The panes: luminance towards the eye (or straight into the room) and light emitted into the room "
+        f"per area. Illuminance on their outer side: {outside}."
+    )
+    blocks.append(table(header, panes, caption, synthetic=synthetic))
+    for view in dict.fromkeys(i.name for i in lit.images):
+        images = [i for i in lit.images if i.name == view]
+        stem = "luminance_" + "".join(c if c.isalnum() else "_" for c in view)
+        picture = figures.luminance_maps(
+            images,
+            work.folder / f"{stem}.png",
+            points=lit.points,
+            synthetic=synthetic,
+        )
+        shown = " and ".join(f"Model {i.model}" for i in images)
+        caption = (
+            f"Luminance (cd/m²) of the view “{view}” with {shown} in the window, on one fixed logarithmic "
+            "scale, with isolines; numbers are illuminances (lx) at the named points."
+        )
+        blocks.append(figure(picture, caption, synthetic=synthetic))
+    return {
+        "synthetic": synthetic,
+        "points": [
+            {"name": p.name, "model": p.model, "illuminance_lx": p.illuminance_lx, "se": p.se}
+            for p in lit.points
+        ],
+        "blocks": blocks,
+    }

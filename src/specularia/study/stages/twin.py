@@ -1,0 +1,45 @@
+"""Stage twin: the synthetic specimen."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from specularia.study.stages.blocks import table
+
+if TYPE_CHECKING:
+    from specularia.study.engine import Work
+
+__all__ = ["twin"]
+
+
+def twin(work: Work) -> Mapping[str, Any]:
+    """Make the specimen that the settings describe, with its measurements and its truth."""
+    from specularia.twin import make
+
+    files = make(work.file("settings"), work.folder, seed=work.parameters["seed"])
+    truth = json.loads(files.truth.read_text(encoding="utf-8"))
+    rows = [
+        [
+            f"{band}, {words}",
+            *(f"{value:.4f} ± {se:.1g}" for value, se in zip(found[key], found[f"{key}_se"])),
+        ]
+        for band, found in truth["tau"].items()
+        for key, words in (("phi_0", "phi_i = 0"), ("azimuth_mean", "mean over phi_i"))
+    ]
+    faces = "; ".join(
+        f"{name}: {100 * face['pitted_share']:.1f} % of the area pitted, relief {face['relief_um']:.1f} um"
+        for name, face in truth["faces"].items()
+    )
+    caption = (
+        "The truth about the synthetic specimen: direct-hemispherical transmission, traced through its true "
+        f"faces, absorbing glass and {truth['bubbles']:,} bubbles, with standard errors. {faces}."
+    )
+    header = ["tau", *(f"{theta:g}°" for theta in truth["theta_deg"])]
+    return {
+        "synthetic": True,
+        "theta_deg": truth["theta_deg"],
+        "tau": truth["tau"],
+        "blocks": [table(header, rows, caption, synthetic=True)],
+    }
