@@ -78,7 +78,7 @@ def section(words: list[str], command: Any) -> list[str]:
     """Heading, what it does, how it is called, its arguments and options."""
     context = command.make_context(" ".join(words), [], resilient_parsing=True)
     usage = command.get_usage(context).removeprefix("Usage: ")
-    lines = [f"{'#' * min(len(words) + 1, 3)} {' '.join(words)}", ""]
+    lines = [f"{'#' * min(len(words) + 1, 4)} {' '.join(words)}", ""]
     lines += [paragraph(command.help or ""), "", "```text", usage, "```", ""]
     for parameter in command.params:
         found = parameter.get_help_record(context)

@@ -107,6 +107,12 @@ def _pane(width: float = 0.03) -> bsdf.TabulatedModel:
 
 
 @pytest.fixture(scope="session")
+def pane_of() -> Callable[[float], bsdf.TabulatedModel]:
+    """Panes by the width of their lobe (standard deviation in direction cosines)."""
+    return _pane
+
+
+@pytest.fixture(scope="session")
 def pane() -> bsdf.TabulatedModel:
     return _pane()
 

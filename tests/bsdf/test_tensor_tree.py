@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -27,8 +29,8 @@ def _trees(draw: st.DrawFn) -> tuple[str, int]:
 
 def _naive(text: str, position: np.ndarray, rank: int) -> float:
     """Look-up straight from nested lists."""
-    tree = eval(" ".join(text.replace("{", " [ ").replace("}", " ] ").replace(",", " ").split()).replace(" ", ",")
-                .replace("[,", "[").replace(",]", "]"))  # fmt: skip
+    words = text.replace("{", " [ ").replace("}", " ] ").replace(",", " ").split()
+    tree = json.loads(",".join(words).replace("[,", "[").replace(",]", "]"))
     p = np.array(position, float)
     while isinstance(tree[0], list):
         upper = p >= 0.5

@@ -49,7 +49,7 @@ def test_opposite_faces_of_a_cube_exchange_a_fifth_of_their_light() -> None:
 
 
 def test_a_horizon_through_a_rectangle_leaves_what_is_above_it() -> None:
-    """A vertical small plane at the foot of an endless wall-to-be: half of a strip seen edge on is cut off."""
+    """A level small plane halfway up a square wall in front of it sees the upper half of that wall only."""
     point, normal = np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]])
     quad = np.array([[[-1.0, 1, -1], [1, 1, -1], [1, 1, 1], [-1, 1, 1]]])
     upper = np.array([[[-1.0, 1, 0], [1, 1, 0], [1, 1, 1], [-1, 1, 1]]])

@@ -110,7 +110,12 @@ def test_a_pane_reflects_the_light_of_the_room(tmp_path) -> None:  # type: ignor
         "sensor": sensors([(2.5, 6.0, 1.5)], (0, -1, 0)),
     }
     with pytest.warns(daylight_warning(), match="1 of 2 windows"):
-        lit = daylight.run(daylight.RoomJob.model_validate(job), models={"m": Lobe(30.0)}, folder=tmp_path)
+        lit = daylight.run(
+            daylight.RoomJob.model_validate(job),
+            models={"m": Lobe(30.0)},
+            folder=tmp_path,
+            quality=daylight.Quality(sampling=0.5),
+        )
     (image,), (point,) = lit.images, lit.points
     assert image.luminance[45, 60] == pytest.approx(0.4 / np.pi * point.illuminance_lx, rel=0.03)
     assert point.direct_lx > 0 and point.indirect_lx > 0

@@ -33,6 +33,9 @@ position_m = [2.0, 1.0, 0.0]
 position_m = [2.0, 4.5, 1.5]
 direction = [0, -1, 0]
 size_px = [48, 36]
+[quality]
+sampling = 0.4
+repeats = 2
 """
 
 

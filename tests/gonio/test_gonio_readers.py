@@ -268,6 +268,7 @@ class TestViavi:
     def test_the_user_can_say_that_it_is_reflection(self, shared_data: Path) -> None:
         path = shared_data / "gonio" / "eds10" / "EDS10_10-0.txt"
         (table,) = gonio.read(path, side="reflection", quantity="DSF", wavelength_nm=633)
+        assert not any("taken as" in w for w in table.warnings)
         assert (table.side, table.quantity, table.band) == ("reflection_front", "DSF", "633 nm")
         assert table.theta_s_deg.max() <= 85.0
 

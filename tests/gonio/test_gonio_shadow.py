@@ -36,6 +36,15 @@ def test_the_filled_strip_holds_the_values_of_the_truth(oracle: Any, measure: An
     assert ratio.min() > 0.8
 
 
+@pytest.mark.parametrize("theta", [20.0, 40.0])
+def test_a_shadow_is_found_where_noise_hides_its_end_at_the_horizon(
+    oracle: Any, measure: Any, theta: float
+) -> None:
+    found = distribution(measure(theta, scale=0.3, floor=2e-5))
+    assert len(found.notes) == 1
+    assert found.integral == pytest.approx(oracle.Truth().tau(theta), rel=5e-3)
+
+
 @pytest.mark.parametrize("phi", [0.0, 180.0, 30.0, 140.0])
 def test_the_shadow_is_named_at_its_azimuth(measure: Any, phi: float) -> None:
     (note,) = distribution(measure(40.0, phi)).notes

@@ -165,7 +165,7 @@ def test_transmission_table_holds_values_errors_and_ratios():
         theta_deg=np.array([0.0, 85.0]),
         rows=("measured", "C", "clear slab"),
         tau=np.array([[0.7, np.nan], [0.86, 0.25], [0.918, 0.5]]),
-        se=np.array([[0.002, np.nan], [0.001, np.nan], [0.0, 0.0]]),
+        se=np.array([[3e-5, np.nan], [0.001, np.nan], [0.0, 0.0]]),
         ratio=np.array([[np.nan, np.nan], [0.86 / 0.7, np.nan], [0.918 / 0.7, np.nan]]),
         ratio_se=np.array([[np.nan, np.nan], [0.0038, np.nan], [0.0026, np.nan]]),
         extrapolated=np.array([[False, False], [False, True], [False, False]]),
@@ -175,7 +175,7 @@ def test_transmission_table_holds_values_errors_and_ratios():
     block = tables.transmission_table(table, "caption")
     assert block.header == ["τ (520 nm)", "0°", "85°"]
     assert block.rows == [
-        ["measured", "0.7000 ± 0.0020", "–"],
+        ["measured", "0.70000 ± 0.00003", "–"],
         ["Model C", "0.8600 ± 0.0010", "0.2500*"],
         ["clear slab", "0.9180", "0.5000"],
         ["Model C / measured", "1.2286 ± 0.0038", "–"],
@@ -198,3 +198,10 @@ def test_the_browser_would_complain_about_a_request(tmp_path: Path, browse):
     text = page.read_text(encoding="utf-8")
     page.write_text(text.replace("</main>", '<img src="https://example.org/x.png"></main>'), encoding="utf-8")
     assert "CONSOLE" in browse(page)[1]
+
+
+def test_columns_of_words_stand_left_and_columns_of_numbers_right(tmp_path):
+    block = TableBlock(["a", "b", "c"], [["x", "front.nc", "1.2 ± 0.1"], ["y", None, None]], "c")
+    html = report.page("S", [Section("s", [block])], {}, tmp_path / "p.html").read_text(encoding="utf-8")
+    assert '<td class="words">front.nc</td><td>1.2 ± 0.1</td>' in html
+    assert '<td class="words">–</td><td>–</td>' in html

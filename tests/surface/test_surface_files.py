@@ -14,6 +14,8 @@ import pytest
 from specularia import surface
 from specularia.errors import FormatError, OutputError, SpeculariaError, SpeculariaWarning
 
+pytestmark = pytest.mark.filterwarnings("ignore::specularia.errors.SpeculariaWarning")
+
 REAL = {
     # name: rows, columns, pitch x, pitch y (um), span (um), missing
     "st_al3d-1.al3d": (296, 200, 0.438027, 0.438027, 34.95067, 0),
@@ -33,7 +35,6 @@ def real(shared_data):
     return shared_data / "surface"
 
 
-@pytest.mark.filterwarnings("ignore::specularia.errors.SpeculariaWarning")
 @pytest.mark.parametrize("name", sorted(REAL))
 def test_grid_span_and_missing_pixels_of_a_real_file(real, name):
     rows, columns, dx, dy, span, missing = REAL[name]
@@ -114,6 +115,38 @@ def test_the_sur_file_misses_the_points_that_its_bytes_mark(real):
     found = surface.read(real / "st_sur-2.sur")
     assert marked.sum() == 117
     assert np.array_equal(~found.valid, marked[::-1])
+
+
+def test_the_opd_map_is_in_wavelengths_column_by_column_with_a_mark_for_missing_points(real):
+    data = (real / "st_opd-1.opd").read_bytes()
+    size = struct.unpack_from("<l", data, 2 + 18)[0]
+    blocks, at = {}, 2 + size
+    for k in range(1, size // 24):
+        name, _, length, _ = struct.unpack_from("<16shlH", data, 2 + 24 * k)
+        blocks.setdefault(name.strip(b"\0"), data[at : at + max(length, 0)])
+        at += max(length, 0)
+    columns, rows, _ = struct.unpack_from("<HHH", blocks[b"Raw"])
+    raw = np.frombuffer(blocks[b"Raw"], "<f4", columns * rows, 6).reshape(columns, rows).T
+    wavelength_um, pixel_mm = (struct.unpack("<f", blocks[k])[0] for k in (b"Wavelength", b"Pixel_size"))
+    missing = raw > 1e38
+    found = surface.read(real / "st_opd-1.opd")
+    assert missing.sum() == 116
+    assert np.array_equal(~found.valid, missing)
+    assert np.allclose(found.heights_um[~missing], raw[~missing] * wavelength_um * 1e-3, rtol=1e-6)
+    assert found.pitch_x_um == pytest.approx(pixel_mm * 1e3)
+
+
+def test_the_al3d_map_is_the_one_in_the_bytes(real):
+    data = (real / "st_al3d-1.al3d").read_bytes()
+    tags = dict(
+        (data[k : k + 20].strip(b"\0"), data[k + 20 : k + 50].strip(b"\0"))
+        for k in range(17, 17 + 19 * 52, 52)
+    )
+    rows, columns, start = (int(tags[k]) for k in (b"Rows", b"Cols", b"DepthImageOffset"))
+    raw = np.frombuffer(data, "<f4", rows * columns, start).reshape(rows, columns)  # metres
+    found = surface.read(real / "st_al3d-1.al3d")
+    assert found.pitch_x_um == pytest.approx(float(tags[b"PixelSizeXMeter"]) * 1e6)
+    assert np.allclose(found.heights_um, raw[::-1].astype(float) * 1e6, rtol=1e-12)
 
 
 def test_x3p_and_sdf_have_y_as_a_coordinate_so_their_first_row_is_the_lowest(real):
@@ -202,7 +235,6 @@ def test_our_own_file_gives_back_every_bit(tmp_path):
     assert back.name == "a" and back.attributes["k"] == "v" and back.attributes["title"] == "t"
 
 
-@pytest.mark.filterwarnings("ignore::specularia.errors.SpeculariaWarning")
 @pytest.mark.parametrize("name", sorted(set(REAL) - {"st_xyz-1.txt"}))
 def test_a_file_cut_in_half_ends_with_code_3_and_leaves_no_output(real, tmp_path, command, name):
     data = (real / name).read_bytes()

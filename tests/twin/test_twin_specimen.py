@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from specularia import gonio
+from specularia import finds, gonio
 from specularia.daylight.job import RoomJob
 from specularia.glass import read_slab, trace
 from specularia.glass.photometer import SHADOW_DEPTH, scan
@@ -168,13 +168,25 @@ def test_room_is_one_that_the_daylight_part_accepts(twin: TwinFiles) -> None:
     assert job.sun.wall == window.wall
 
 
+def test_finds_and_plan_read_back_as_synthetic(twin: TwinFiles) -> None:
+    table = finds.read(twin.finds)
+    assert table.synthetic and table.count.sum() == 600
+    assert table.weight_g.sum() == pytest.approx(3000.0, abs=1e-6)
+    places = {(area.kind, area.name) for area in finds.read_plan(twin.plan).areas}
+    assert {("square", name) for name in table.square} | {("room", name) for name in table.room} <= places
+
+
 def test_command_prints_the_path_of_the_truth(
     command: Callable[..., tuple[int, Any, str]], settings: Path, tmp_path: Path
 ) -> None:
     short = tmp_path / "short.toml"
     short.write_text(TOML.replace("theta_deg = [0.0, 40.0, 82.5]", "theta_deg = [20.0]"))
+    older = tmp_path / "t" / "gonio" / "SYN_t40.00_p0.dat"
+    older.parent.mkdir(parents=True)
+    older.write_text("left by an older twin")
     code, payload, _ = command("twin", short, "-o", tmp_path / "t", "--seed", "9", "--json")
     assert code == 0
+    assert [Path(p) for p in payload["tables"]] == list(older.parent.iterdir())
     path = Path(payload["truth"])
     assert path.is_absolute() and json.loads(path.read_text())["seed"] == 9
 

@@ -2,6 +2,8 @@
 
 Patches are rings in theta, each divided evenly in azimuth, the first patch of a ring centred on azimuth 0. A
 matrix holds the BSDF in 1/sr, constant on each pair of patches: rows are outgoing, columns incident patches.
+The half and quarter bases are those of Radiance 6; a file that defines a basis of that name with other bounds
+is read with its own.
 
 References
 ----------
@@ -102,8 +104,8 @@ def _basis(name: str, bounds: Sequence[float], count: Sequence[int]) -> KlemsBas
 
 BASES = (
     _basis("LBNL/Klems Full", (0, 5, 15, 25, 35, 45, 55, 65, 75, 90), (1, 8, 16, 20, 24, 24, 24, 16, 12)),
-    _basis("LBNL/Klems Half", (0, 6.5, 19.5, 32.5, 46.5, 61.5, 76.5, 90), (1, 8, 12, 16, 20, 12, 4)),
-    _basis("LBNL/Klems Quarter", (0, 9, 27, 46, 66, 90), (1, 8, 12, 12, 8)),
+    _basis("LBNL/Klems Half", (0, 6.5, 19.5, 32.5, 45.5, 58.5, 71.5, 90), (1, 8, 12, 16, 20, 12, 8)),
+    _basis("LBNL/Klems Quarter", (0, 9, 27, 45, 63, 90), (1, 8, 12, 12, 8)),
 )
 
 

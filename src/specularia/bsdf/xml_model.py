@@ -165,22 +165,28 @@ class ReversedTree:
         return self.part.value(ux, uy, np.where(s == 0, 1e-9, ix), iy) * self._scale(s)
 
     @cached_property
-    def _ring_scale(self) -> tuple[Array, Array]:
-        """Radii, and the mean of `circle_sum` over a radius's ring over its value at the radius."""
-        rings, across = 1 << (self.part.tree.resolution - 1), 3
-        edge = np.arange(rings) / rings
-        radii = (edge[:, None] + np.linspace(1e-9, 1 - 1e-9, across) / rings).ravel()
-        at = circle_sum(self.part.tree, radii).reshape(rings, across)
-        weight = radii.reshape(rings, across) * np.array([1, 4, 1])
-        mean = (at * weight).sum(axis=1, keepdims=True) / weight.sum(axis=1, keepdims=True)
-        return radii, np.where(at > 0, mean / np.where(at > 0, at, 1.0), 1.0).ravel()
+    def _rings(self) -> tuple[Array, Array, Array]:
+        """Radii, `circle_sum` at them, and its mean over each ring (by Simpson's rule, weight s ds)."""
+        rings = 1 << (self.part.tree.resolution - 1)
+        radii = (np.arange(rings)[:, None] + np.array([1e-9, 0.5, 1 - 1e-9])) / rings
+        sums = circle_sum(self.part.tree, radii.ravel()).reshape(radii.shape)
+        weight = radii * np.array([1.0, 4.0, 1.0])
+        return radii.ravel(), sums.ravel(), (sums * weight).sum(axis=1) / weight.sum(axis=1)
+
+    def _ring_mean(self, s: Array) -> Array:
+        mean = self._rings[2]
+        return mean[np.minimum((s * mean.size).astype(int), mean.size - 1)]
 
     def _scale(self, s: Array) -> Array:
         if self.part.tree.rank == 4:
             return np.ones(np.shape(s))
-        return np.interp(s, *self._ring_scale)
+        radii, sums, _ = self._rings
+        here = np.interp(s, radii, sums)
+        return np.where(here > 0, self._ring_mean(s) / np.where(here > 0, here, 1.0), 1.0)
 
     def tau(self, ix: Array, iy: Array) -> Array:
+        if self.part.tree.rank == 3:
+            return self._ring_mean(np.hypot(ix, iy))
         out = np.empty(ix.shape)
         for k in range(ix.size):
             q = self.quadrature(float(ix[k]), float(iy[k]))

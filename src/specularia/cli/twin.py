@@ -28,6 +28,8 @@ def twin(
     (microscope), gonio-photometer tables (gonio), a finds table with a plan (site) and a lit room (room).
     Every file says that it is synthetic. The keys of TWIN.toml are listed in docs/theory/twin.md.
     """
+    if seed < 0:
+        raise typer.BadParameter(f"{seed} is below 0", param_hint="--seed")
     with session(quiet=quiet):
         import json
 

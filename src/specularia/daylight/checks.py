@@ -74,7 +74,7 @@ def _check_sun(box: Box, file: Path) -> None:
         )
     sun = sun_direction(box.job)
     behind = [p.window.name for p in box.panes if float(p.axes[2] @ sun) <= 0.0]
-    if behind and box.job.sun.normal_illuminance_lx != 0.0:
+    if behind and box.job.sun_shines:
         warnings.warn(
             f"the sun stands behind the wall of {len(behind)} of {len(box.panes)} windows "
             f"({', '.join(behind)}): only sky and ground light them.",

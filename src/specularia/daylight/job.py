@@ -155,7 +155,8 @@ class Sun(Job):
     wall: Wall = "south"
     """The wall that the azimuth is counted from."""
     normal_illuminance_lx: Annotated[float, Field(ge=0.0)] | None = None
-    """Of the direct sun on a plane square to it. Left out: what gensky gives for this elevation."""
+    """Of the direct sun on a plane square to it. Left out: what gensky gives for this elevation if the sky is
+    clear or none, and nothing behind an overcast or uniform sky."""
 
 
 class Sky(Job):
@@ -248,6 +249,14 @@ class RoomJob(Job):
     view: tuple[View, ...] = ()
     model: tuple[ModelFile, ...] = ()
     quality: Quality = Quality()
+
+    @property
+    def sun_shines(self) -> bool:
+        """Whether there is direct sun outside."""
+        if self.sun is None:
+            return False
+        given = self.sun.normal_illuminance_lx
+        return self.sky.kind in ("clear", "none") if given is None else given > 0.0
 
     @model_validator(mode="after")
     def _names_differ(self) -> RoomJob:

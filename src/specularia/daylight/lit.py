@@ -101,7 +101,7 @@ def run(
     panes: list[PaneLuminance] = []
     with task("room", len(held) * (3 + len(job.view))) as progress:
         spacing = 0.35 / np.sqrt(job.quality.sampling)
-        meshes = [mesh(box, k * spacing, points=0.08 / job.quality.sampling) for k in (1.0, 1.5)]
+        meshes = [mesh(box, k * spacing, points=0.09 * k / job.quality.sampling) for k in (1.0, 1.5)]
         for name, model in held.items():
             maps = _maps(model, box, out)
             progress.advance()
@@ -209,7 +209,9 @@ def _image(
     provenance: Mapping[str, str],
 ) -> Image:
     octree = scene.octree("picture", cell=0.28 / scene.sampling)
-    luminance = render(view, scene=scene, octree=octree, field=field, panes=panes, fineness=2.0)
+    luminance = render(
+        view, scene=scene, octree=octree, field=field, panes=panes, fineness=2.0 / np.sqrt(scene.sampling)
+    )
     stem = file_name(f"{name}_{view.name}")
     hdr = write_hdr(folder / f"{stem}.hdr", luminance, view, what=f"specularia daylight, model {name}")
     with atomic(folder / f"{stem}.npz") as temporary:

@@ -81,8 +81,8 @@ def outdoors(job: RoomJob) -> Outdoors:
     sun, sun_lx = None, 0.0
     if job.sun is not None:
         sun = sun_direction(job)
-        sun_lx = job.sun.normal_illuminance_lx  # type: ignore[assignment]
-        if sun_lx is None:
+        sun_lx = job.sun.normal_illuminance_lx or 0.0
+        if job.sun_shines and sun_lx == 0.0:
             radiance = _gensky(job.sun.elevation_deg, "+s")[0]
             solid_angle = 2.0 * np.pi * (1.0 - np.cos(np.radians(_GENSKY_SUN_DEG / 2)))
             sun_lx = radiance * solid_angle * LUMINOUS_EFFICACY

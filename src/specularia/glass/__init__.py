@@ -4,6 +4,7 @@ from specularia.glass import closed_form
 from specularia.glass.bubbles import BubbleKind, Bubbles, read_bubbles, sample_bubbles, write_bubbles
 from specularia.glass.faces import Face
 from specularia.glass.medium import Medium, Spectrum
+from specularia.glass.model import model
 from specularia.glass.settings import read_slab
 from specularia.glass.slab import Slab
 from specularia.glass.trace import EnergyBalance, Paths, trace, trace_paths
@@ -18,6 +19,7 @@ __all__ = [
     "Slab",
     "Spectrum",
     "closed_form",
+    "model",
     "read_bubbles",
     "read_slab",
     "sample_bubbles",

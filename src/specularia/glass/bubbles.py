@@ -119,8 +119,8 @@ class BubbleKind:
     Attributes
     ----------
     per_cm3 : number per volume of glass, > 0.
-    median_mm, sigma : of the diameter d of the sphere of equal volume: ln d is normal, with mean ln(median) and
-        standard deviation sigma >= 0.
+    median_mm, sigma : of the diameter d of the sphere of equal volume: ln d is normal, with mean ln(median)
+        and standard deviation sigma >= 0.
     elongation : long axis over short axis, >= 1.
     axis : direction of the long axis.
     """
@@ -147,8 +147,8 @@ def sample_bubbles(
     ----------
     kinds : at least one. The number of each is per_cm3 times the volume of the cell, rounded.
     thickness_mm : of the pane, for its volume.
-    low_mm, high_mm : every bubble lies wholly in low < z < high. A diameter too large for that, or for half the
-        cell, is drawn again, with a warning that counts them.
+    low_mm, high_mm : every bubble lies wholly in low < z < high. A diameter too large for that, or for half
+        the cell, is drawn again, with a warning that counts them.
     seed : of the draw.
     cell_mm : periods along x and y; None for a square that holds about `COUNT` bubbles.
     """
@@ -220,8 +220,8 @@ def _place(
 ) -> Array:
     """Centres [N, 3] without overlap, large bubbles first, rows in the order of `long`.
 
-    Bubbles of one kind are compared in the space in which they are spheres, which is exact; those of different
-    kinds by their enclosing spheres, which keeps them a little further apart than need be.
+    Bubbles of one kind are compared in the space in which they are spheres, which is exact; those of
+    different kinds by their enclosing spheres, which keeps them a little further apart than need be.
     """
     cell = np.array([*cell_mm, np.inf])
     others = np.concatenate([b.centre_mm for b in placed]) if placed else np.empty((0, 3))
@@ -361,8 +361,8 @@ def pack(bubbles: Bubbles | None) -> tuple[Array, NDArray[np.int64], NDArray[np.
             m[:, 0, 0], m[:, 1, 1], m[:, 2, 2], m[:, 0, 1], m[:, 0, 2], m[:, 1, 2],
         ]
     )  # fmt: skip
-    # About one bubble to a cell, and cells no smaller than a typical bubble. Two along each side at least: then
-    # only one image of a bubble, at most half a period wide, can reach over a cell.
+    # About one bubble to a cell, and cells no smaller than a typical bubble. Two along each side at least:
+    # then only one image of a bubble, at most half a period wide, can reach over a cell.
     period = 1e3 * np.asarray(bubbles.cell_mm)
     reach = 1e3 * bubbles.reach_mm[:, :2]
     typical = 2.0 * float(np.median(reach))

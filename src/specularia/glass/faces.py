@@ -38,10 +38,10 @@ class Face:
     ----------
     heights_um : [row = y, column = x] at least 2 x 2, or None for a flat face. NaN marks missing pixels.
     pitch_x_um, pitch_y_um : pixel size, > 0.
-    tiling : how the map goes on beyond its field. "periodic" repeats it as it is. "mirror" repeats it with its
-        mirror image, which always fits but doubles the period. "blend" joins opposite edges over an eighth of
-        the field by weights whose squares add up to 1, which keeps the variance of the relief (Heitz and
-        Neyret 2018, doi:10.1145/3233304), and gives up that eighth.
+    tiling : how the map goes on beyond its field. "periodic" repeats it as it is. "mirror" repeats it with
+        its mirror image, which always fits but doubles the period. "blend" joins opposite edges over an
+        eighth of the field by weights whose squares add up to 1, which keeps the variance of the relief
+        (Heitz and Neyret 2018, doi:10.1145/3233304), and gives up that eighth.
     name : for messages.
     """
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 __all__ = ["LEVELS", "bounds", "pack", "steepest"]
 
 LEVELS = 24
-"""Room for levels in the index: a relief has at most 2^23 cells along a side."""
+"""Room for levels in the layout: a relief has at most 2^23 cells along a side."""
 
 
 def bounds(heights: NDArray[np.float32]) -> list[NDArray[np.float32]]:
@@ -48,11 +48,11 @@ def pack(reliefs: Sequence[NDArray[np.float32]]) -> tuple[NDArray[np.float32], N
     -------
     values : heights of each relief with the first row and column repeated after the last, then the bounds
         seen from above (greatest heights) and from below (greatest negative heights), levels 1 and up.
-    index : [number of reliefs, 4 + 2 LEVELS]. Position of the heights, nx, ny, highest level; then the position
-        of each level's bounds, first those from above, then those from below.
+    layout : [number of reliefs, 4 + 2 LEVELS]. Position of the heights, nx, ny, highest level; then the
+        position of each level's bounds, first those from above, then those from below.
     """
     parts: list[NDArray[np.float32]] = []
-    index = np.zeros((len(reliefs), 4 + 2 * LEVELS), np.int64)
+    layout = np.zeros((len(reliefs), 4 + 2 * LEVELS), np.int64)
     position = 0
 
     def append(values: NDArray[np.float32]) -> int:
@@ -62,7 +62,7 @@ def pack(reliefs: Sequence[NDArray[np.float32]]) -> tuple[NDArray[np.float32], N
         position += values.size
         return start
 
-    for row, heights in zip(index, reliefs):
+    for row, heights in zip(layout, reliefs):
         ny, nx = heights.shape
         row[:3] = append(np.pad(heights, ((0, 1), (0, 1)), mode="wrap")), nx, ny
         for below, h in enumerate((heights, -heights)):
@@ -70,7 +70,7 @@ def pack(reliefs: Sequence[NDArray[np.float32]]) -> tuple[NDArray[np.float32], N
             row[3] = len(levels) - 1
             for level in range(1, len(levels)):
                 row[4 + below * LEVELS + level] = append(levels[level])
-    return np.concatenate(parts), index
+    return np.concatenate(parts), layout
 
 
 def steepest(heights: NDArray[np.float32], *, pitch_x_um: float, pitch_y_um: float) -> float:

@@ -66,12 +66,13 @@ def _unit(bits):
 
 @nb.njit(inline="always")
 def uniform(key, draw):
-    """Number `draw` (0, 1, ...) of the random stream `key`, uniform in [0, 1): a function of its arguments."""
+    """Number `draw` (0, 1, ...) of the random stream `key`, uniform in [0, 1): a function of its
+    arguments."""
     return _unit(_mix(key + np.uint64(draw + 1) * _GOLDEN))
 
 
 @nb.njit(fastmath=FAST, error_model="numpy")
-def meet_relief(relief, index, face, below, top, clear, x, y, z, dx, dy, dz, ix, iy, tri):
+def meet_relief(relief, layout, face, below, top, clear, x, y, z, dx, dy, dz, ix, iy, tri):
     """Nearest crossing of a ray with one face's relief.
 
     Each cell between four samples is cut into two planes along its diagonal 00-11; plane 0 has the larger x.
@@ -80,12 +81,12 @@ def meet_relief(relief, index, face, below, top, clear, x, y, z, dx, dy, dz, ix,
 
     Parameters
     ----------
-    relief, index : the heights and bounds of both faces, see `hierarchy.pack`.
+    relief, layout : the heights and bounds of both faces, see `hierarchy.pack`.
     face : FRONT or BACK.
     below : 0 if the ray runs above the surface, 1 if below; then everything is mirrored in z.
     top : highest point of the (mirrored) relief: beyond it the shell ends.
-    clear : sine of the elevation of the steepest slope of this face; light that leaves the surface more steeply
-        cannot meet it again.
+    clear : sine of the elevation of the steepest slope of this face; light that leaves the surface more
+        steeply cannot meet it again.
     x, y, z : start; x and y in pixels within the period, z in um from the mean plane.
     dx, dy, dz : direction, in pixels and um per um of way.
     ix, iy, tri : the plane on which the ray starts, which it cannot meet again; tri = -1 where there is none.
@@ -97,9 +98,9 @@ def meet_relief(relief, index, face, below, top, clear, x, y, z, dx, dy, dz, ix,
     gx, gy : its slopes in um per pixel.
     x, y : the start again, moved by whole periods so that start + t * direction lies in cell (ix, iy).
     """
-    nx = index[face, 1]
-    ny = index[face, 2]
-    levels = index[face, 3]
+    nx = layout[face, 1]
+    ny = layout[face, 2]
+    levels = layout[face, 3]
     row = nx + 1
     mirror = 1.0 - 2.0 * below
     z *= mirror
@@ -138,13 +139,13 @@ def meet_relief(relief, index, face, below, top, clear, x, y, z, dx, dy, dz, ix,
         z_low = z + dz * (t_out if dz < 0.0 else t)
         if level > 0:
             width = (nx + (1 << level) - 1) >> level
-            at = index[face, bound_of + level] + (iy >> level) * width + (ix >> level)
+            at = layout[face, bound_of + level] + (iy >> level) * width + (ix >> level)
             if z_low <= relief[np.uint64(at)]:
                 level -= 1
                 continue
         else:
             # Unsigned, since a signed index would be tested for counting from the end.
-            at = index[face, 0] + iy * row + ix
+            at = layout[face, 0] + iy * row + ix
             h00 = mirror * relief[np.uint64(at)]
             h10 = mirror * relief[np.uint64(at + 1)]
             h01 = mirror * relief[np.uint64(at + row)]
@@ -189,8 +190,8 @@ def meet_relief(relief, index, face, below, top, clear, x, y, z, dx, dy, dz, ix,
             return -1.0, ix, iy, -1, 0.0, 0.0, x, y
         parent = level + 1
         if t_x < t_y:
-            # The other coordinate may have been rounded over the side of the block that the ray is still in. It
-            # is not negative in earnest, so that cutting off its fraction rounds it down.
+            # The other coordinate may have been rounded over the side of the block that the ray is still in.
+            # It is not negative in earnest, so that cutting off its fraction rounds it down.
             jx = edge_x - 1 + east
             low = (iy >> level) << level
             iy = max(low, min(min(low + (1 << level), ny) - 1, int(y + dy * t)))
@@ -389,24 +390,24 @@ def meet_interface(nx, ny, nz, dx, dy, dz, ratio, polarised, sx, sy, sz, q, u, v
 
 @nb.njit(fastmath=FAST, error_model="numpy")
 def _path(
-    relief, index, scale, bubbles, first, member, grid, eta, absorption, polarised,
+    relief, layout, scale, bubbles, first, member, grid, eta, absorption, polarised,
     face, x, y, dx, dy, dz, key,
 ):  # fmt: skip
     """Follow one path from above (or below) the pane until it leaves it.
 
-    Returns where it ended (FRONT, BACK, LOST), its direction, its weight, what was absorbed of it, and its way
-    in glass in um.
+    Returns where it ended (FRONT, BACK, LOST), its direction, its weight, what was absorbed of it, and its
+    way in glass in um.
     """
-    # scale[face]: pixels per um along x and y; mean plane; highest point of the relief above it and lowest below
-    # it; sine of the steepest slope.
+    # scale[face]: pixels per um along x and y; mean plane; highest point of the relief above it and lowest
+    # below it; sine of the steepest slope.
     z = scale[face, 2] + scale[face, 3] if face == FRONT else scale[face, 2] - scale[face, 4]
     tri = -1
     ix = 0
     iy = 0
     px = x * scale[face, 0]
     py = y * scale[face, 1]
-    px -= math.floor(px / index[face, 1]) * index[face, 1]
-    py -= math.floor(py / index[face, 2]) * index[face, 2]
+    px -= math.floor(px / layout[face, 1]) * layout[face, 1]
+    py -= math.floor(py / layout[face, 2]) * layout[face, 2]
     in_glass = False
     in_bulk = False
     bubble = -1
@@ -445,7 +446,7 @@ def _path(
             # In a shell; the relief runs through it.
             below = 1 if (face == FRONT) == in_glass else 0
             t, ix, iy, tri, gx, gy, px, py = meet_relief(
-                relief, index, face, below, scale[face, 3 + below], scale[face, 5],
+                relief, layout, face, below, scale[face, 3 + below], scale[face, 5],
                 px, py, z - scale[face, 2],
                 dx * scale[face, 0], dy * scale[face, 1], dz,
                 ix, iy, tri,
@@ -478,8 +479,8 @@ def _path(
             z = bound
             px = x * scale[face, 0]
             py = y * scale[face, 1]
-            px -= math.floor(px / index[face, 1]) * index[face, 1]
-            py -= math.floor(py / index[face, 2]) * index[face, 2]
+            px -= math.floor(px / layout[face, 1]) * layout[face, 1]
+            py -= math.floor(py / layout[face, 2]) * layout[face, 2]
             continue
         per = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz)
         if nx * dx + ny * dy + nz * dz > 0.0:
@@ -501,7 +502,7 @@ def _path(
 
 @nb.njit(parallel=True, cache=True)
 def trace_kernel(
-    relief, index, scale, bubbles, first, member, grid, eta, absorption, polarised,
+    relief, layout, scale, bubbles, first, member, grid, eta, absorption, polarised,
     face, theta, phi, turned, repeat_x, repeat_y, seed, start, per_replicate,
     ux, uy, side, weight, absorbed, way,
 ):  # fmt: skip
@@ -509,7 +510,7 @@ def trace_kernel(
 
     Parameters
     ----------
-    relief, index, scale, bubbles, first, member, grid : the pane, see `slab.Geometry`.
+    relief, layout, scale, bubbles, first, member, grid : the pane, see `slab.Geometry`.
     eta, absorption : index of the glass, absorption in 1/um.
     polarised : see `meet_interface`.
     face, theta, phi : the face the light arrives on; polar angle from its normal and azimuth, radians.
@@ -527,14 +528,14 @@ def trace_kernel(
     co_0 = math.cos(phi)
     si_0 = math.sin(phi)
     columns = int(math.sqrt(per_replicate)) + 1
-    width_x = index[face, 1] / scale[face, 0]
-    width_y = index[face, 2] / scale[face, 1]
+    width_x = layout[face, 1] / scale[face, 0]
+    width_y = layout[face, 2] / scale[face, 1]
     for i in nb.prange(ux.size):
         p = start + i
         replicate = p // per_replicate
         number = p - replicate * per_replicate
-        # Starts: a lattice of rows, each sheared by a step that never repeats, shifted as a whole by chance in each
-        # replicate. Neighbours in number are neighbours in place, whose relief is still in the cache.
+        # Starts: a lattice of rows, each sheared by a step that never repeats, shifted as a whole by chance
+        # in each replicate. Neighbours in number are neighbours in place, whose relief is still in the cache.
         shift = _mix(root + np.uint64(replicate + 1) * _MIX_1)
         key = _mix(root ^ (np.uint64(p + 1) * _STEP_PHI))
         count = np.uint64(number)
@@ -552,8 +553,8 @@ def trace_kernel(
             azimuth = 2.0 * math.pi * _unit(count * _STEP_PHI + _mix(shift + _STEP_PHI))
             co = math.cos(azimuth)
             si = math.sin(azimuth)
-        ended, dx, dy, dz, w, a, way_in_glass = _path(
-            relief, index, scale, bubbles, first, member, grid, eta, absorption, polarised,
+        ended, dx, dy, _, w, a, way_in_glass = _path(
+            relief, layout, scale, bubbles, first, member, grid, eta, absorption, polarised,
             face, x * width_x, y * width_y, -sin_t * co, -sin_t * si, cos_t, key,
         )  # fmt: skip
         if turned:

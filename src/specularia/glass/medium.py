@@ -49,7 +49,8 @@ class Spectrum:
 
     @classmethod
     def read_csv(cls, path: str | Path) -> Self:
-        """Read rows "wavelength in nm, value"; lines that start with # and one line of names are passed over."""
+        """Read rows "wavelength in nm, value"; lines that start with # and one line of names are passed
+        over."""
         path = existing(path, what="a spectrum in CSV")
         wavelengths: list[float] = []
         values: list[float] = []
@@ -97,8 +98,8 @@ class Medium:
 
     Attributes
     ----------
-    index : refractive index against air, > 1; or six Sellmeier coefficients (B1, B2, B3, C1, C2, C3 in um^2) of
-        n^2 = 1 + sum B w^2 / (w^2 - C), w the wavelength in um (Sellmeier 1871,
+    index : refractive index against air, > 1; or six Sellmeier coefficients (B1, B2, B3, C1, C2, C3 in um^2)
+        of n^2 = 1 + sum B w^2 / (w^2 - C), w the wavelength in um (Sellmeier 1871,
         doi:10.1002/andp.18712190612).
     absorption_per_mm : Napierian, >= 0: the transmittance of a way L is exp(-a L). A number or a spectrum.
     """

@@ -64,7 +64,8 @@ class AbsorptionSpectrum(Job):
     """{ spectrum = "file.csv" }."""
 
     spectrum: FilePath
-    """Rows "wavelength in nm, absorption in 1/mm", ascending; lines with # and one line of names are skipped."""
+    """Rows "wavelength in nm, absorption in 1/mm", ascending; lines with # and one line of names are
+    skipped."""
 
 
 Index = Annotated[
@@ -158,7 +159,7 @@ class GlassJob(Job):
     """The face the light comes from in a measurement."""
     back: FaceJob
     """The other face; its map's x axis runs the other way."""
-    bubbles: list[BubbleJob] = []
+    bubbles: tuple[BubbleJob, ...] = ()
     """Air bubbles, several kinds."""
     trace: TraceJob = TraceJob()
     """How light is traced."""

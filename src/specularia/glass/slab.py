@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
 from math import lcm
@@ -33,14 +33,14 @@ class Geometry(NamedTuple):
 
     Attributes
     ----------
-    relief, index : see `hierarchy.pack`; row FRONT and row BACK.
-    scale : [2, 6] pixels per um along x and y, mean plane, highest point of the relief above it and lowest below
-        it (both >= 0), and the sine of the elevation of its steepest slope.
+    relief, layout : see `hierarchy.pack`; row FRONT and row BACK.
+    scale : [2, 6] pixels per um along x and y, mean plane, highest point of the relief above it and lowest
+        below it (both >= 0), and the sine of the elevation of its steepest slope.
     bubbles, first, member, grid : see `bubbles.pack`.
     """
 
     relief: NDArray[np.float32]
-    index: NDArray[np.int64]
+    layout: NDArray[np.int64]
     scale: Array
     bubbles: Array
     first: NDArray[np.int64]
@@ -59,17 +59,17 @@ class Slab:
     front, back : each as its microscope saw it. The front stands at z = +thickness/2 + h(x, y), the back at
         z = -thickness/2 - h(-x, y), heights relative to their means: the back map's x runs the other way.
     bubbles : list of bubbles, or None. The periods of faces and bubbles need not agree.
-    bubble_kinds, bubble_seed : further bubbles by their statistics, drawn into the glass between the reliefs; in
-        the cell of `bubbles` where there is such a list.
+    bubble_kinds, bubble_seed : further bubbles by their statistics, drawn into the glass between the
+        reliefs; in the cell of `bubbles` where there is such a list.
     polarised : whether paths keep their polarisation from one interface to the next.
     sources : files the pane was read from, for provenance.
     synthetic : True where any part of it is synthetic; the label goes with what is computed from it.
     """
 
     thickness_mm: float
-    medium: Medium = Medium()
-    front: Face = Face.flat("front")
-    back: Face = Face.flat("back")
+    medium: Medium = field(default_factory=Medium)
+    front: Face = field(default_factory=lambda: Face.flat("front"))
+    back: Face = field(default_factory=lambda: Face.flat("back"))
     bubbles: Bubbles | None = None
     bubble_kinds: tuple[BubbleKind, ...] = ()
     bubble_seed: int = 0
@@ -154,8 +154,8 @@ class Slab:
             # A little more than the truth, since light and slope are compared in rounded numbers.
             slope *= 1.0 + 1e-5
             scale[face, 3:] = relief.max(), -relief.min(), slope / np.hypot(1.0, slope)
-        relief, index = pack(self.reliefs)
-        return Geometry(relief, index, scale, *bubble_lists.pack(self.all_bubbles))
+        relief, layout = pack(self.reliefs)
+        return Geometry(relief, layout, scale, *bubble_lists.pack(self.all_bubbles))
 
     def repeats(self, face: int) -> tuple[int, int]:
         """Periods of a face, along x and y, over which all faces and bubbles repeat together.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -15,7 +15,7 @@ from specularia.errors import CoverageError, PhysicsError, SpeculariaWarning
 from specularia.glass import kernel
 from specularia.glass.slab import Slab
 
-__all__ = ["REPLICATES", "EnergyBalance", "Paths", "replicates", "trace", "trace_chunks", "trace_paths"]
+__all__ = ["REPLICATES", "EnergyBalance", "Paths", "replicates", "trace", "trace_paths"]
 
 Array = NDArray[np.float64]
 LightSide = Literal["front", "back"]
@@ -183,17 +183,10 @@ def trace_paths(
     )
 
 
-def trace_chunks(slab: Slab, *, paths: int, **arguments: object) -> Iterator[Paths]:
-    """The same run as `trace_paths`, in parts of at most `CHUNK` paths; arguments as there."""
-    total, _ = replicates(paths)
-    for first in range(0, total, CHUNK):
-        yield trace_paths(
-            slab,
-            paths=paths,
-            first=first,
-            count=min(CHUNK, total - first),
-            **arguments,  # type: ignore[arg-type]
-        )
+def mean_and_error(per_replicate: Array) -> tuple[Array, Array]:
+    """Mean over the last axis, the replicates, and its standard error."""
+    error = per_replicate.std(axis=-1, ddof=1) / np.sqrt(per_replicate.shape[-1])
+    return per_replicate.mean(axis=-1), error
 
 
 def compile_kernel() -> None:
@@ -246,8 +239,7 @@ def trace(
             ):
                 shares[k, row] += np.bincount(part.replicate, weights=share, minlength=REPLICATES)
     shares /= each
-    mean = shares.mean(axis=2)
-    error = shares.std(axis=2, ddof=1) / np.sqrt(REPLICATES)
+    mean, error = mean_and_error(shares)
     warn_of_lost(int(lost.sum()), total * len(theta_deg))
     return EnergyBalance(
         theta_deg=np.asarray(theta_deg, float),
@@ -267,7 +259,7 @@ def warn_of_lost(lost: int, paths: int) -> None:
     """Say so where paths were given up: their light is missing from the balance."""
     if lost:
         warnings.warn(
-            f"{lost} of {paths} paths were given up inside the glass; their light is missing from the balance.",
+            f"{lost} of {paths} paths were given up inside the glass; their light is missing.",
             SpeculariaWarning,
             stacklevel=3,
         )

@@ -69,7 +69,9 @@ def integrate(table: Table) -> tuple[float, float]:
 
 def summarise(table: Table) -> Summary:
     """Points, coverage and integral of a table, checked; see `integrate`."""
-    return summarise_all([table])[0]
+    summary = _summarise(table)
+    _warn(summary)
+    return summary
 
 
 def summarise_all(tables: Sequence[Table]) -> list[Summary]:
@@ -83,12 +85,17 @@ def summarise_all(tables: Sequence[Table]) -> list[Summary]:
         task("integrating the measured tables", len(tables)) as progress,
         ThreadPoolExecutor(processors) as pool,
     ):
-        for table, summary in zip(tables, pool.map(_summarise, tables)):
-            for note in summary.warnings[len(table.warnings) :]:
-                warnings.warn(f"{table.label}: {note}.", SpeculariaWarning, stacklevel=2)
+        for summary in pool.map(_summarise, tables):
+            _warn(summary)
             found.append(summary)
             progress.advance()
     return found
+
+
+def _warn(summary: Summary) -> None:
+    """Warn of what the integration noticed; the reader has warned of the rest."""
+    for note in summary.warnings[len(summary.table.warnings) :]:
+        warnings.warn(f"{summary.table.label}: {note}.", SpeculariaWarning, stacklevel=3)
 
 
 def _summarise(table: Table) -> Summary:

@@ -27,6 +27,7 @@ class Raw:
     quantity : "BSDF", "DSF", or None for a unit that is neither.
     unit : the word that the file has for its quantity; quantity_line : where it stands.
     kind : "transmission" or "reflection" where the file's label tells (BTDF, BRDF), else "".
+    assumed : what was assumed of the side where nothing in the format tells it; for users who do not say it.
     band : what the file says of the light, or "".
     name : of the sample; synthetic : True if the file says so.
     stated_integral : the file's own integral, or None.
@@ -45,6 +46,7 @@ class Raw:
     unit: str
     quantity_line: int | None
     kind: str = ""
+    assumed: str = ""
     band: str = ""
     name: str = ""
     synthetic: bool = False

@@ -91,7 +91,7 @@ def read(
 
 
 def _tables(raw: Raw, *, quantity: str | None, side: str | None, band: str) -> list[Table]:
-    noticed = list(raw.warnings)
+    noticed = [*raw.warnings, *([raw.assumed] if raw.assumed and side is None else [])]
     theta, face = raw.theta_s_deg, "front" if raw.theta_i_deg < 90 else "back"
     halves, split_note = _hemispheres(theta, light_on_front=face == "front")
     noticed += split_note

@@ -63,9 +63,7 @@ def parse(data: bytes, *, file: str, need_quantity: bool = True) -> Raw:
     rows, lines = parse_rows(data[place:], file=file, first_line=number)
     check_angles(rows[:, 0], rows[:, 1], lines, file=file, theta_max_deg=90.0)
     kind = _KINDS.get(label, "")
-    noticed: tuple[str, ...] = ()
-    if not kind:
-        noticed = ("the format does not name its side: taken as transmission (else --side reflection)",)
+    assumed = "the format does not name its side: taken as transmission (else --side reflection)"
     reflected = kind == "reflection"
     return Raw(
         file=file,
@@ -80,5 +78,5 @@ def parse(data: bytes, *, file: str, need_quantity: bool = True) -> Raw:
         unit=label,
         quantity_line=quantity_line,
         name=re.sub(r"\s+", " ", title),
-        warnings=noticed,
+        assumed="" if kind else assumed,
     )

@@ -7,8 +7,10 @@ import csv
 import io
 import json
 import os
+import re
 import struct
 from collections.abc import Mapping, Sequence
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any, Final
 
@@ -107,10 +109,13 @@ def _rendered(block: Block, counts: dict[str, int], folder: Path) -> dict[str, A
             "html": existing(block.path, what="an HTML file").read_text(encoding="utf-8"),
         }
     else:
+        rows = [[_cell(c) for c in row] for row in block.rows]
         out |= {
             "kind": "table",
             "header": list(block.header),
-            "rows": [[_cell(c) for c in row] for row in block.rows],
+            "rows": rows,
+            "words": [any(map(_is_words, column)) for column in zip_longest(*rows, fillvalue="")]
+            or [False] * len(block.header),
             "download": _rows_download(block, out["anchor"])
             if block.csv is None
             else _download(existing(block.csv, what="a CSV"), folder),
@@ -122,6 +127,11 @@ def _cell(value: Any) -> str:
     if value is None or (isinstance(value, float) and value != value):
         return "–"
     return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def _is_words(cell: str) -> bool:
+    """Whether a cell holds words, which stand left, and not a number, which stands right."""
+    return re.match(r"[\d.+–−-]|$", cell) is None
 
 
 def _data_uri(content: bytes, media: str) -> str:

@@ -29,7 +29,9 @@ def transmission_table(
     def cell(value: float, error: float, star: bool) -> str:
         if np.isnan(value):
             return "–"
-        shown = f"{value:.4f}" + (f" ± {error:.4f}" if error > 0 else "")
+        # Four decimals, or as many (up to six) as the standard error needs for one digit of its own.
+        n = int(np.clip(np.ceil(-np.log10(error)), 4, 6)) if error > 0 else 4
+        shown = f"{value:.{n}f}" + (f" ± {error:.{n}f}" if error > 0 else "")
         return shown + ("*" if star else "")
 
     rows: list[list[str]] = []

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from specularia import files, progress, provenance
-from specularia.errors import FormatError, OutputError
+from specularia.errors import FormatError, OutputError, SpeculariaError
 from specularia.study.code import code_digest
 
 __all__ = ["Run", "Stage", "Step", "Work", "execute", "plan"]
@@ -189,7 +189,11 @@ def execute(steps: Sequence[Step], out: str | Path) -> Run:
         for step in steps:
             if step.action == "run":
                 progress.note(f"{step.stage.name}: {step.why}")
-                seconds[step.stage.name] = _compute(step, folders)
+                try:
+                    seconds[step.stage.name] = _compute(step, folders)
+                except SpeculariaError:
+                    progress.note(f"{step.stage.name}: failed; what is finished is kept")
+                    raise
                 progress.note(f"{step.stage.name}: {seconds[step.stage.name]:.1f} s")
                 bar.advance()
             if step.action != "skip":

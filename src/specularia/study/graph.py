@@ -113,7 +113,12 @@ def _faces(job: StudyJob, sources: Sources) -> list[Stage]:
     said = job.surface.model_dump(include={"pitch_um", "step_um", "first_row", "unit"})
     given = {face: pattern for face in FACES if (pattern := getattr(job.surface, face)) is not None}
     stages = [
-        Stage(f"heights_{face}", surfaces.heights, parameters=said, **_files(sources, face=[pattern]))
+        Stage(
+            f"heights_{face}",
+            surfaces.heights,
+            parameters={"face": face, **said},
+            **_files(sources, face=[pattern]),
+        )
         for face, pattern in given.items()
     ]
     pictures = _files(sources, **{f"{face}_image": [getattr(job.surface, f"{face}_image")] for face in FACES})

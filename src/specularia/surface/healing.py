@@ -28,13 +28,14 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _FINEST_PX = 3.0
+_SHORTEST_PX = 12.0
 _ROUNDS = 6
 _LID_ROUNDS = 20
 _GROWTH = 16
 _ENOUGH = 0.05
 """Share of plateau in a neighbourhood from which it is trusted fully."""
-_COARSE_CELL = 6.0
-"""Regression is done on cells of a sixth of the Gaussian's standard deviation: finer ones change nothing."""
+_COARSE_CELL = 3.0
+"""Regression is done on cells of a third of the Gaussian's standard deviation: finer ones change little."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +117,10 @@ def _original(h: Array, noise: float) -> tuple[Array, float]:
     """A smooth surface through the plateaux of h, and the depth below it from which a pixel is a pit."""
     side = float(min(h.shape))
     base, tolerance = _lid(h), 3.0 * noise
-    for scale in (np.inf, side / 4.0, side / 8.0, side / 16.0, side / 32.0):
+    scales = [np.inf]
+    while scales[-1] > _SHORTEST_PX:
+        scales.append(min(side / 2.0, scales[-1]) / 2.0)
+    for scale in scales:
         for _ in range(_ROUNDS):
             residual = h - base
             centre = _mode(residual)

@@ -55,7 +55,7 @@ def soap_film(heights: Array, *, pitch_x: float = 1.0, pitch_y: float = 1.0) -> 
     matrix = sparse.csr_matrix(
         (np.concatenate(v_all), (np.concatenate(i_all), np.concatenate(j_all))), shape=(n, n)
     )
-    if n <= 200_000:
+    if n <= 500_000:
         film = spsolve(matrix.tocsc(), right)
     else:
         # A direct factorisation of more unknowns takes gigabytes; the matrix is symmetric and positive.

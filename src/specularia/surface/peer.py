@@ -100,7 +100,7 @@ def read(path: Path, given: Given) -> HeightMap:
         dx = float(extent[0]) / columns * factor
         dy = float(extent[1]) / rows * factor if dim == 2 else float("nan")
         pitch = given.checked_pitch(path, dx, dy)
-    order = "first stored row is the top of the picture"
+    order = "highest y is the top of the picture, as other programs show it"
     if kind in _Y_IS_A_COORDINATE:
         order = "y is a coordinate of the format"
     return HeightMap(

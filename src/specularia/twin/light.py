@@ -42,7 +42,7 @@ def absorption_csv(settings: GlassSettings) -> str:
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["wavelength_nm", "absorption_per_mm"])
     for wavelength, value in zip(WAVELENGTHS_NM, absorption(WAVELENGTHS_NM, settings)):
-        writer.writerow([f"{wavelength:g}", f"{value:.6f}"])
+        writer.writerow([f"{wavelength:g}", f"{value:.9f}"])
     return text.getvalue()
 
 

@@ -313,6 +313,9 @@ def _photometer(
         )
         tables.append(gonio.write(table, folder / f"SYN_t{theta:05.2f}_p0.dat"))
         advance()
+    # Tables that an older twin left at other angles would pass for this one's.
+    for stale in set(folder.glob("SYN_t*_p0.dat")) - set(tables):
+        stale.unlink()
     return tuple(tables), tau
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 from specularia.twin.settings import TwinSettings
 
@@ -89,15 +88,15 @@ def glass_toml(
     ----------
     front, back : height maps, as named from the file's folder.
     spectrum : absorption as a CSV; None for a clear medium.
-    bubbles : the list of bubbles as a CSV; None for none.
+    bubbles : the list of bubbles; None for none.
     """
-    medium = f'spectrum = "{spectrum}"' if spectrum else "absorption_per_mm = 0.0"
+    absorption = f'{{ spectrum = "{spectrum}" }}' if spectrum else "0.0"
     text = f"""# synthetic: {settings.label}
 thickness_mm = {settings.glass.thickness_mm:g}
 
 [medium]
 index = {settings.glass.index:g}
-{medium}
+absorption_per_mm = {absorption}
 
 [front]
 heights = "{front}"
@@ -108,7 +107,5 @@ heights = "{back}"
 tiling = "periodic"
 """
     if bubbles:
-        text += (
-            f'\n[[bubbles]]\nfile = "{Path(bubbles).as_posix()}"\ncell_mm = {settings.bubbles.cell_mm:g}\n'
-        )
+        text += f'\n[[bubbles]]\nlist = "{bubbles}"\n'
     return text + "\n[trace]\npolarised = true\n"

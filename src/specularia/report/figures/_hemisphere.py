@@ -17,12 +17,15 @@ from specularia.report.style import hatch
 if TYPE_CHECKING:
     from specularia.bsdf import ScatteringModel
 
-__all__ = ["COLOURS", "DECADES", "Pixels", "colours", "draw", "mean_dsf", "pixels", "scale"]
+__all__ = ["COLOURS", "CROSS", "DECADES", "Pixels", "colours", "draw", "mean_dsf", "pixels", "scale"]
 
 Array = NDArray[np.float64]
 
 DECADES: Final = 5
 """Decades of the logarithmic scale of all DSF figures."""
+
+CROSS: Final = "#39d0ff"
+"""Colour of the cross at the undeflected direction."""
 
 COLOURS: Final = "inferno"
 """Colour map of all DSF figures."""
@@ -107,8 +110,8 @@ def scale(*values: Array) -> LogNorm:
 def draw(axes: Axes, image: Array, norm: LogNorm, *, theta_i_deg: float, phi_i_deg: float = 0.0) -> Any:
     """Draw one hemisphere with its polar grid; returns the mappable for the colour bar.
 
-    The open cross marks where undeflected or mirrored light leaves. Values at or below zero take the colour
-    below the scale: they were measured, so they are not no-data.
+    The cross, open so that it hides no peak, marks where undeflected or mirrored light leaves. Values at or
+    below zero take the colour below the scale: they were measured, so they are not no-data.
     """
     axes.set(xlim=(-101, 101), ylim=(-101, 101), aspect="equal")
     axes.axis("off")
@@ -152,13 +155,7 @@ def draw(axes: Axes, image: Array, norm: LogNorm, *, theta_i_deg: float, phi_i_d
                 va="center" if phi % 180 == 0 else ("bottom" if s > 0 else "top"),
             )
     a = np.radians(phi_i_deg + 180.0)
-    axes.plot(
-        theta_i_deg * np.cos(a),
-        theta_i_deg * np.sin(a),
-        marker="+",
-        color="#39d0ff",
-        markersize=4.5,
-        markeredgewidth=0.7,
-        linestyle="none",
-    )
+    x, y = theta_i_deg * np.cos(a), theta_i_deg * np.sin(a)
+    for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+        axes.plot([x + 4 * dx, x + 8 * dx], [y + 4 * dy, y + 8 * dy], color=CROSS, linewidth=0.8)
     return picture

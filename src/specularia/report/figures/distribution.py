@@ -183,7 +183,9 @@ def _bar(figure: Canvas, picture: Any, axes: Any, *, no_data: bool) -> None:
     bar.set_label("DSF (1/sr)")
     bar.ax.tick_params(which="minor", length=0)
     handles: list[Any] = [
-        Line2D([], [], marker="+", linestyle="none", color="#0094c6", label="undeflected direction")
+        Line2D(
+            [], [], marker="+", linestyle="none", color="#0094c6", markersize=5, label="undeflected direction"
+        )
     ]
     if no_data:
         handles.append(style.no_data_patch("no data"))

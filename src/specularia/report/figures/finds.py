@@ -9,7 +9,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib import patheffects
 from matplotlib.axes import Axes
-from matplotlib.colors import Normalize
+from matplotlib.colors import PowerNorm
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 from numpy.typing import NDArray
@@ -103,6 +103,9 @@ def finds_by_colour(summary: Summary, path: str | Path) -> Path:
 def finds_on_plan(summary: Summary, plan: Plan, path: str | Path, *, kind: str = "room") -> Path:
     """Draw the density of finds on the plan: fragments and grams per m2 (the paper's Fig. 2).
 
+    Colours follow the square root of the density, so that sparse areas can be told apart beside a rich one;
+    areas without finds are white.
+
     Parameters
     ----------
     summary : made with this plan; a synthetic one labels the figure.
@@ -128,7 +131,8 @@ def finds_on_plan(summary: Summary, plan: Plan, path: str | Path, *, kind: str =
         parts = (("count_per_m2", "fragments", "fragments per m²"), ("weight_g_per_m2", "weight", "g per m²"))
         for k, (axes, (attribute, title, unit)) in enumerate(zip(figure.subplots(1, 2), parts)):
             values = {n: getattr(d, attribute) for n, d in rows.items()}
-            norm = Normalize(0.0, max(values.values()) or 1.0)
+            top = max(values.values()) or 1.0
+            norm = PowerNorm(0.5, 0.0, top)
             colours = mpl.colormaps["YlGnBu"]
             for area in plan.of_kind(kind):
                 value = values[area.name]
@@ -170,8 +174,16 @@ def finds_on_plan(summary: Summary, plan: Plan, path: str | Path, *, kind: str =
                 pad=0.03,
                 shrink=0.8,
             )
+            bar.set_ticks(_ticks(top))
             bar.set_label(unit)
         return style.save(figure, path, synthetic=summary.synthetic)
+
+
+def _ticks(top: float) -> list[float]:
+    """0 and the values 1, 2 and 5 times powers of ten that a square-root scale up to `top` has room for."""
+    exponents = range(int(np.floor(np.log10(top))) - 2, int(np.floor(np.log10(top))) + 1)
+    values = [m * 10.0**e for e in exponents for m in (1, 2, 5)]
+    return [0.0, *(v for v in values if 0.02 * top <= v <= top)]
 
 
 def _fill(name: str) -> str:

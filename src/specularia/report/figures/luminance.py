@@ -80,7 +80,7 @@ def luminance_maps(
             )
             shown = np.where(values > 0, values, np.nan)
             lines = panel.contour(shown, levels=levels, colors="white", linewidths=0.45, alpha=0.75)
-            _label(panel, lines, shown)
+            _label(panel, lines, shown, [image.pixels[p.name] for p in points if p.name in image.pixels])
             panel.set_title(f"{style.letter(k)}  {style.model_name(image.model)}")
             panel.set(
                 xticks=[], yticks=[], xlim=(-0.5, values.shape[1] - 0.5), ylim=(values.shape[0] - 0.5, -0.5)
@@ -142,8 +142,11 @@ def luminance_maps(
         return style.save(figure, path, synthetic=synthetic)
 
 
-def _label(panel: Axes, lines: Any, luminance: Array) -> None:
-    """Label isolines where the luminance changes slowly; at the edges of panes they would only blot."""
+def _label(panel: Axes, lines: Any, luminance: Array, taken: Sequence[tuple[float, float]]) -> None:
+    """Label isolines where the luminance changes slowly, away from the labels of points.
+
+    At the edges of panes, where many isolines crowd, labels would only blot.
+    """
     with np.errstate(invalid="ignore"):
         slope = np.hypot(*np.gradient(np.log10(luminance)))
     places = []
@@ -154,7 +157,11 @@ def _label(panel: Axes, lines: Any, luminance: Array) -> None:
             columns = np.clip(np.rint(part[:, 0]).astype(int), 0, luminance.shape[1] - 1)
             rows = np.clip(np.rint(part[:, 1]).astype(int), 0, luminance.shape[0] - 1)
             margin = np.minimum(part, np.subtract(luminance.shape[::-1], part)).min(axis=1)
-            steepness = np.where(margin > 0.05 * luminance.shape[1], slope[rows, columns], np.inf)
+            free = margin > 0.05 * luminance.shape[1]
+            for column, row in taken:
+                beside = np.abs(part[:, 0] - column) > 0.12 * luminance.shape[1]
+                free &= beside | (np.abs(part[:, 1] - row) > 0.12 * luminance.shape[0])
+            steepness = np.where(free, slope[rows, columns], np.inf)
             best = int(np.argmin(np.nan_to_num(steepness, nan=np.inf)))
             if steepness[best] < _GENTLE:
                 places.append(part[best])

@@ -120,7 +120,7 @@ def micrographs(
 
 def _height(images: Iterable[ArrayLike], width: float) -> float:
     """Height of the figure, inches, for panels of this width with titles and labels."""
-    return width * max(s[0] / s[1] for s in map(np.shape, images)) + 0.8
+    return width * max(s[0] / s[1] for s in map(np.shape, images)) + 0.85
 
 
 def _reduced(image: Array) -> Array:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from specularia.study.stages.blocks import table
-from specularia.study.stages.surfaces import MAP
+from specularia.study.stages.surfaces import map_files
 
 if TYPE_CHECKING:
     from specularia.bsdf import TabulatedModel
@@ -71,14 +71,13 @@ def model_c(work: Work) -> Mapping[str, Any]:
     """Trace light through the slab; faces of the study take the place of those that its glass names."""
     from specularia import glass, surface
 
-    slab = glass.read_slab(work.file("settings"))
-    for stage, folder in work.results.items():
-        face = stage.removeprefix("heights_")
-        height_map = surface.read(folder / MAP)
-        made = glass.Face.from_map(height_map, tiling=work.parameters["tiling"], name=f"{face} face")
+    slab = glass.read_slab(work.file("settings"), seed=work.parameters["seed"])
+    for name, file in map_files(work).items():
+        height_map = surface.read(file)
         changed: dict[str, Any] = {
-            face: made,
-            "synthetic": slab.synthetic or work.summary(stage)["synthetic"],
+            name: glass.Face.from_map(height_map, tiling=work.parameters["tiling"], name=f"{name} face"),
+            "sources": (*slab.sources, file),
+            "synthetic": slab.synthetic or "synthetic" in height_map.attributes,
         }
         slab = replace(slab, **changed)
     model = glass.model(

@@ -12,10 +12,7 @@ if TYPE_CHECKING:
     from specularia.study.engine import Work
     from specularia.surface import HeightMap
 
-__all__ = ["heights", "is_stack", "surfaces"]
-
-MAP = "map.nc"
-"""Name of the height map in the result of a heights stage."""
+__all__ = ["heights", "is_stack", "map_files", "surfaces"]
 
 
 def is_stack(path: Path) -> bool:
@@ -25,6 +22,12 @@ def is_stack(path: Path) -> bool:
 
         return np.load(path, mmap_mode="r").ndim == 3
     return path.is_dir() or path.suffix.lower() in (".tif", ".tiff", ".btf")
+
+
+def map_files(work: Work) -> dict[str, Path]:
+    """Height maps among the results that a stage needs, by face."""
+    faces = {stage.removeprefix("heights_"): folder for stage, folder in work.results.items()}
+    return {face: folder / f"{face}.nc" for face, folder in faces.items() if face in ("front", "back")}
 
 
 def heights(work: Work) -> Mapping[str, Any]:
@@ -38,7 +41,7 @@ def heights(work: Work) -> Mapping[str, Any]:
         )
     else:
         made = surface.read(path, pitch_um=given["pitch_um"], unit=given["unit"])
-    surface.write(made, work.folder / MAP)
+    surface.write(made, work.folder / f"{given['face']}.nc")
     rough = surface.roughness(made)
     return {
         "synthetic": "synthetic" in made.attributes,
@@ -59,9 +62,8 @@ def surfaces(work: Work) -> Mapping[str, Any]:
     from specularia import surface
     from specularia.report import figures
 
-    faces = {name.removeprefix("heights_"): folder for name, folder in work.results.items() if name != "twin"}
-    maps = {face: surface.read(folder / MAP) for face, folder in faces.items()}
-    said = {face: work.summary(f"heights_{face}") for face in faces}
+    maps = {face: surface.read(file) for face, file in map_files(work).items()}
+    said = {face: work.summary(f"heights_{face}") for face in maps}
     synthetic = any(s["synthetic"] for s in said.values())
     header = ["face", "from", "pixels", "pitch (um)", "range (um)", "Sq (um)", "Sdq", "missing", "sigma (um)"]
     rows = [

@@ -1,0 +1,208 @@
+"""Faces, their tiling, and the walk through the hierarchy of bounds."""
+
+import numpy as np
+import pytest
+from glass_reference import smooth_map
+
+from specularia.errors import PhysicsError, SpeculariaWarning
+from specularia.glass import Face, Slab, trace, trace_paths
+from specularia.glass.hierarchy import bounds, pack, steepest
+from specularia.glass.kernel import BACK, meet_relief
+
+
+def test_bounds_are_the_greatest_corners_of_their_blocks():
+    h = np.random.default_rng(1).normal(size=(7, 11)).astype(np.float32)
+    e = np.pad(h, ((0, 1), (0, 1)), mode="wrap")
+    for level, found in enumerate(bounds(h)):
+        size = 2**level
+        for i in range(found.shape[0]):
+            for j in range(found.shape[1]):
+                y1, x1 = min((i + 1) * size, 7), min((j + 1) * size, 11)
+                assert found[i, j] == e[i * size : y1 + 1, j * size : x1 + 1].max()
+
+
+def brute_force(h, o, d, below):
+    """Nearest crossing of rays o + t d (in pixels and um) with all triangles of 5 x 5 periods, Moller-Trumbore."""
+    ny, nx = h.shape
+    e = np.pad(np.tile(h, (5, 5)), ((0, 1), (0, 1)), mode="wrap").astype(float)
+    y, x = np.mgrid[: 5 * ny + 1, : 5 * nx + 1]
+    v = np.stack([x - 2 * nx, y - 2 * ny, e], -1)
+    a, b, c, f = v[:-1, :-1], v[:-1, 1:], v[1:, 1:], v[1:, :-1]
+    corners = np.concatenate(
+        [np.stack([a, b, c], -2).reshape(-1, 3, 3), np.stack([a, c, f], -2).reshape(-1, 3, 3)]
+    )
+    p, e1, e2 = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    out = np.full(len(o), np.inf)
+    for k in range(len(o)):
+        h1 = np.cross(d[k], e2)
+        det = np.sum(e1 * h1, 1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            s = o[k] - p
+            u = np.sum(s * h1, 1) / det
+            q = np.cross(s, e1)
+            w = np.sum(q * d[k], 1) / det
+            t = np.sum(e2 * q, 1) / det
+        tol = 1e-9
+        # Rays above the surface can only meet it from above (det < 0 for these triangles), and the other way.
+        facing = det * (1 - 2 * below) > 0
+        good = facing & (u > -tol) & (w > -tol) & (u + w < 1 + tol) & (t > 0)
+        out[k] = t[good].min(initial=np.inf)
+    return out
+
+
+@pytest.mark.parametrize("below", [0, 1])
+@pytest.mark.parametrize("shape", [(8, 8), (7, 13), (1, 5)])
+def test_walk_meets_the_same_triangle_as_trying_all(shape, below):
+    rng = np.random.default_rng(4)
+    h = rng.uniform(-2, 2, shape).astype(np.float32)
+    relief, layout = pack([h])
+    mirror = 1 - 2 * below
+    top = float((mirror * h).max())
+    count = 150
+    o = np.column_stack([rng.random((count, 2)) * shape[::-1], np.full(count, mirror * top)])
+    d = rng.normal(size=(count, 3))
+    # Towards the surface, steep and shallow; the brute-force mesh reaches two periods around.
+    d[:, 2] = -mirror * np.abs(d[:, 2]) - mirror * 0.6 * np.hypot(d[:, 0], d[:, 1]) * 4 / min(
+        2 * min(shape), 8
+    )
+    d /= np.linalg.norm(d, axis=1)[:, None]
+    expected = brute_force(h, o, d, below)
+    found = [meet_relief(relief, layout, 0, below, top, 1.0, *o[k], *d[k], 0, 0, -1) for k in range(count)]
+    t = np.array([f[0] for f in found])
+    assert np.all(np.isfinite(expected))
+    assert np.allclose(t, expected, atol=1e-6)
+    # The place that is named holds the crossing, and its plane passes through it.
+    for k, (way, ix, iy, plane, gx, gy, x, y) in enumerate(found):
+        u, v = x + way * d[k, 0] - ix, y + way * d[k, 1] - iy
+        assert -1e-6 < u < 1 + 1e-6 and -1e-6 < v < 1 + 1e-6
+        assert (u - v) * (1 - 2 * plane) > -1e-6
+        z = h[iy, ix] + gx * u + gy * v if plane in (0, 1) else np.nan
+        assert z == pytest.approx(o[k, 2] + way * d[k, 2], abs=1e-5)
+
+
+def test_rising_rays_meet_the_relief_or_leave_it_as_trying_all_says():
+    rng = np.random.default_rng(6)
+    h = rng.uniform(-1, 1, (9, 10)).astype(np.float32)
+    relief, layout = pack([h])
+    top = float(h.max())
+    slope = steepest(h, pitch_x_um=1.0, pitch_y_um=1.0)
+    clear = slope / np.hypot(1, slope)
+    starts, directions, found = [], [], []
+    while len(found) < 150:
+        # From a point of the surface, as after a reflection: first down onto it, then up.
+        o = np.array([*rng.random(2) * [10, 9], top])
+        t, ix, iy, plane, gx, gy, x, y = meet_relief(
+            relief, layout, 0, 0, top, clear, *o, 0.0, 0.0, -1.0, 0, 0, -1
+        )
+        d = rng.normal(size=3) * [1, 1, 0.5]
+        d /= np.linalg.norm(d)
+        if d[2] - gx * d[0] - gy * d[1] <= 0.02 or d[2] < 0.15:
+            continue
+        starts.append([x, y, o[2] - t])
+        directions.append(d)
+        found.append(meet_relief(relief, layout, 0, 0, top, clear, *starts[-1], *d, ix, iy, plane)[0])
+    o, d = np.array(starts), np.array(directions)
+    expected = brute_force(h, o + 1e-7 * d, d, 0)
+    assert 20 < np.isinf(expected).sum() < 130
+    assert np.allclose(np.where(np.isinf(expected), -1.0, expected), found, atol=1e-5)
+
+
+def test_tiled_map_scatters_as_its_one_period():
+    one = smooth_map((12, 20), seed=3, rms_slope=0.5, width_px=3)
+    other = smooth_map((15, 9), seed=4, rms_slope=0.5, width_px=3)
+    a = Slab(thickness_mm=0.2, front=Face(one, 2.0, 1.5), back=Face(other, 1.0, 1.3))
+    b = Slab(
+        thickness_mm=0.2,
+        front=Face(np.tile(one, (2, 3)), 2.0, 1.5),
+        back=Face(np.tile(other, (3, 1)), 1.0, 1.3),
+    )
+    for theta in (0.0, 55.0):
+        x = trace(a, theta_deg=[theta], phi_deg=40.0, paths=160_000, seed=1)
+        y = trace(b, theta_deg=[theta], phi_deg=40.0, paths=160_000, seed=2)
+        assert abs(x.tau[0] - y.tau[0]) < 3 * np.hypot(x.tau_se[0], y.tau_se[0])
+
+
+def test_light_spreads_over_the_common_period_of_unequal_faces():
+    flat = np.zeros((4, 4))
+    faces = {"front": Face(flat, 1.5, 1.0), "back": Face(flat[:3], 1.0, 2.0)}
+    slab = Slab(thickness_mm=1.0, **faces)
+    assert slab.repeats(0) == (2, 3)
+    assert slab.repeats(BACK) == (3, 2)
+    assert Slab(thickness_mm=1.0, front=faces["front"]).repeats(0) == (1, 1)
+    odd = Slab(thickness_mm=1.0, front=faces["front"], back=Face(flat, np.sqrt(2), 1.0))
+    assert odd.repeats(0)[0] > 10_000
+
+
+@pytest.mark.parametrize("axis", ["x", "y"])
+@pytest.mark.parametrize("face", ["front", "back"])
+@pytest.mark.parametrize("light", ["front", "back"])
+def test_a_wedge_deflects_towards_its_thick_end(axis, face, light):
+    # A sawtooth that rises slowly along the map's own axis and falls over one pixel in 64.
+    tilt, n = 0.1, 64
+    ramp = tilt * np.arange(n, dtype=float)
+    heights = np.tile(ramp, (4, 1)) if axis == "x" else np.tile(ramp[:, None], (1, 4))
+    slab = Slab(thickness_mm=1.0, **{face: Face(heights, 1.0, 1.0)})
+    paths = trace_paths(slab, side=light, theta_deg=0.0, paths=32_000, seed=1)
+    u = paths.ux if axis == "x" else paths.uy
+    # Front: thicker towards +x and +y. The back's map runs the other way in x: thicker towards -x.
+    sign = -1.0 if (face == "back" and axis == "x") else 1.0
+    alpha = np.arctan(tilt)
+    if light == face:
+        inside = alpha - np.arcsin(np.sin(alpha) / 1.52)
+        out = np.arcsin(1.52 * np.sin(inside))
+    else:
+        out = np.arcsin(1.52 * np.sin(alpha)) - alpha
+    assert np.median(u[paths.transmitted]) == pytest.approx(sign * np.sin(out), abs=1e-4)
+
+
+def test_front_and_back_maps_meet_as_the_convention_says():
+    front = np.arange(12.0).reshape(3, 4)
+    slab = Slab(thickness_mm=1.0, front=Face(front), back=Face(front))
+    f, b = slab.reliefs
+    assert np.allclose(f, front - front.mean())
+    for j in range(4):
+        assert np.allclose(b[:, j], -(front[:, -j] - front.mean()))
+
+
+def test_mirror_and_blend_tile_without_a_cliff():
+    rng = np.random.default_rng(2)
+    h = np.cumsum(rng.normal(size=(40, 48)), axis=1)
+    assert Face(h, tiling="mirror").tile().shape == (78, 94)
+    blended = Face(h, tiling="blend").tile()
+    assert blended.shape == (35, 42)
+    inside = np.sqrt(np.mean(np.diff(h, axis=1) ** 2))
+    seam = np.sqrt(np.mean((blended[:, 0] - blended[:, -1]) ** 2))
+    assert seam < 2 * inside
+    with pytest.warns(SpeculariaWarning, match="left and right edges do not meet"):
+        Face(h, name="cliff").tile()
+
+
+def test_blending_keeps_the_variance_of_a_rough_map():
+    h = np.random.default_rng(3).normal(size=(160, 160))
+    assert Face(h, tiling="blend").tile().var() == pytest.approx(h.var(), rel=0.05)
+
+
+def test_few_missing_pixels_are_filled_with_their_count_and_many_refused():
+    h = np.add.outer(np.arange(20.0), np.arange(30.0))
+    h[5:7, 8:10] = np.nan
+    with pytest.warns(SpeculariaWarning) as seen:
+        filled = Face(h, tiling="mirror", name="map.nc").tile()
+    assert [str(w.message) for w in seen] == [
+        "map.nc: 4 missing pixels (0.67 %) were filled from their surroundings."
+    ]
+    # A plane goes on as a plane.
+    assert filled[5, 8] - filled[4, 8] == pytest.approx(1.0)
+    h[:, :10] = np.nan
+    with pytest.raises(PhysicsError, match=r"200 of 600|map"):
+        Face(h, name="map.nc").tile()
+
+
+def test_impossible_panes_are_refused():
+    with pytest.raises(PhysicsError, match="reliefs meet"):
+        Slab(thickness_mm=0.01, front=Face(np.array([[0.0, -30.0], [0.0, 0.0]]))).geometry  # noqa: B018
+    with pytest.raises(PhysicsError, match="two dimensions"):
+        Face(np.zeros(5))
+    with pytest.raises(PhysicsError, match="pixel size"):
+        Face(np.zeros((4, 4)), 0.0, 1.0)
+    with pytest.raises(PhysicsError, match="thickness"):
+        Slab(thickness_mm=-1.0)
