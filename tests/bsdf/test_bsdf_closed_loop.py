@@ -79,6 +79,18 @@ def test_a_file_written_again_keeps_its_values_and_labels(  # type: ignore[no-un
             )
 
 
+def test_geometry_and_thickness_are_kept_on_rewriting(shared_data, tmp_path, referee) -> None:  # type: ignore[no-untyped-def]
+    text = (shared_data / "bsdf_xml" / "testBSDF.xml").read_text()
+    block = '<Geometry format="MGF"><MGFblock unit="meter">v a =\n p 0 0 0 &lt;\n</MGFblock></Geometry>'
+    path = tmp_path / "first.xml"
+    path.write_text(text.replace("<Geometry></Geometry>", block))
+    again = bsdf.write(bsdf.read(path), tmp_path / "second.xml").path
+    first, second = referee.load(path), referee.load(again)
+    assert "p 0 0 0 <" in first.mgf and second.mgf == first.mgf
+    assert second.dim == pytest.approx(first.dim) and first.dim == pytest.approx((0.45, 0.2, 0.0254))
+    assert second.matn == first.matn and second.makr == first.makr
+
+
 def test_a_tree_keeps_the_azimuth_of_an_asymmetric_model(chiral, chiral_xml) -> None:  # type: ignore[no-untyped-def]
     model = bsdf.read(chiral_xml)
     for side in chiral.sides:

@@ -112,7 +112,7 @@ def test_matrices_in_each_klems_basis_are_read_as_radiance_reads_them(  # type: 
         side: KlemsPart(matrix=rng.uniform(0.0, 0.3, shape), incident=basis, outgoing=basis)
         for side in xml_write.DIRECTIONS
     }
-    text = xml_write.document(parts, band="Visible", name="x", attributes={}, origins={})
+    text = xml_write.document(parts, band="Visible")
     text = text.replace(">Columns<", f">{structure}<").replace(", ", " \t" if structure == "Rows" else ",\n")
     path = tmp_path / f"{structure}{basis.patches}.xml"
     path.write_text(text)
@@ -160,9 +160,7 @@ def test_trees_of_rank_4_are_read_as_radiance_reads_them_both_ways(tmp_path, ref
     text = "{" + "".join("{" + "".join(leaf() for _ in range(16)) + "}\n" for _ in range(16)) + "}"
     part = TreePart(TensorTree.from_text(text, 4))
     path = tmp_path / "rank4.xml"
-    path.write_text(
-        xml_write.document({"transmission_front": part}, band="Visible", name="x", attributes={}, origins={})
-    )
+    path.write_text(xml_write.document({"transmission_front": part}, band="Visible"))
     model = bsdf.read(path)
     assert isinstance(model, bsdf.XmlModel) and not model.isotropic
     where = directions(300, 4)

@@ -1,7 +1,7 @@
 """An independent reference for the tracer: numpy, Embree's triangles, Jones vectors in space, a ray epsilon.
 
-It shares nothing with the tracer under test but the definition of the pane. Polarisation is the complex electric
-field as a vector in space; unpolarised light is an equal mixture of two fields at right angles.
+It shares nothing with the tracer under test but the definition of the pane. Polarisation is the complex
+electric field as a vector in space; unpolarised light is an equal mixture of two fields at right angles.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""The tracer against an independent reference: other geometry (Embree), other polarisation (Jones in space)."""
+"""The tracer against an independent reference: other geometry (Embree), other polarisation (Jones in
+space)."""
 
 import numpy as np
 import pytest
@@ -31,7 +32,7 @@ def test_rough_slab_transmits_as_the_same_mesh_in_embree(rough_slab, theta, phi,
     assert abs(ours.tau[0] - reference) < 3 * error
 
 
-@pytest.mark.parametrize(("theta", "polarised"), [(0.0, True), (50.0, True), (50.0, False)])
+@pytest.mark.parametrize(("theta", "polarised"), [(0.0, False), (50.0, True)])
 def test_bubbles_scatter_as_ellipsoids_in_a_flat_pane(theta, polarised):
     # Large, elongated, oblique, and one of them across the border of the cell.
     bubbles = Bubbles(
@@ -42,7 +43,7 @@ def test_bubbles_scatter_as_ellipsoids_in_a_flat_pane(theta, polarised):
         cell_mm=(2.0, 1.9),
     )
     slab = Slab(thickness_mm=1.0, bubbles=bubbles)
-    paths = 40_000
+    paths = 30_000
     reference = transmission_of_bubbles(
         slab, bubbles, theta_deg=theta, paths=paths, seed=7, polarised=polarised
     )

@@ -38,9 +38,8 @@ def test_flat_slab_traced_within_three_standard_errors_of_the_closed_form(polari
     exact = closed_form.flat_slab(THETA, index=1.52, polarised=polarised)
     if not polarised:
         assert np.allclose(exact.transmitted, SCALAR, atol=5e-5)
-    found = trace(Slab(thickness_mm=3.0), theta_deg=THETA, paths=6_400_000, seed=1, polarised=polarised)
-    assert np.all(found.tau_se <= 2.6e-4)
-    assert np.all(found.tau_se[:4] <= 2e-4)
+    found = trace(Slab(thickness_mm=3.0), theta_deg=THETA, paths=1_600_000, seed=1, polarised=polarised)
+    assert np.all(found.tau_se <= 2e-4)
     assert np.all(np.abs(found.tau - exact.transmitted) < 3 * found.tau_se)
     assert np.all(np.abs(found.tau + found.rho - 1) < 1e-9)
     assert found.lost.sum() == 0

@@ -98,7 +98,7 @@ def test_a_small_specimen_goes_from_the_instruments_to_the_lit_room(tmp_path: Pa
     (tmp_path / "twin.toml").write_text(SMALL_TWIN)
     file.write_text(
         file.read_text()
-        .replace("paths = 60000", "paths = 2000")
+        .replace("paths = 200000", "paths = 2000")
         .replace("resolution = 6", "resolution = 5")
         .replace("[20, 30, 40]", "[20]")
     )

@@ -16,7 +16,7 @@ __all__ = ["Slice", "cell_means", "grid", "is_isotropic", "transmitted_slice"]
 _FINEST = 16
 """At most this many points along the edge of a cell."""
 _POINTS_ACROSS = 128
-"""Where nothing calls for more, points along the edge of the whole square (but two along that of a cell)."""
+"""Where nothing calls for more, points along the edge of the whole square; two a cell if it is coarse."""
 
 
 def is_isotropic(model: ScatteringModel) -> bool:
@@ -42,7 +42,7 @@ def _means(
     lobe narrower than the cell is not missed.
     """
     n = count.shape[0]
-    least = max(2, _POINTS_ACROSS // n)
+    least = max(2 if n < 256 else 1, _POINTS_ACROSS // n)
     wanted = np.ceil(0.5 * np.log2(np.maximum(count.ravel(), 1)))
     points = np.clip(2**wanted, least, max(least, _FINEST)).astype(int)
     out = np.empty(n * n)

@@ -15,7 +15,7 @@ from specularia.bsdf import xml_write
 from specularia.bsdf.build_tree import Built, build
 from specularia.bsdf.model import Array, ScatteringModel
 from specularia.bsdf.tabulated import TabulatedModel, read_model, write_model
-from specularia.bsdf.xml_model import TreePart, XmlModel
+from specularia.bsdf.xml_model import Part, TreePart, XmlModel
 from specularia.bsdf.xml_read import read_xml
 from specularia.errors import FormatError, OutputError, SpeculariaWarning
 from specularia.files import existing, write_text
@@ -104,64 +104,68 @@ def write(
     if path.suffix != ".xml":
         raise OutputError(f"{path}: a model is written as .nc or .xml.")
     attributes = dict(getattr(model, "attributes", {}))
+    if thickness_mm is not None:
+        attributes["thickness_mm"] = f"{thickness_mm:g}"
+    if name is not None:
+        attributes["name"] = name
+    parts: dict[str, Part]
     trees: dict[str, Built] = {}
     if isinstance(model, XmlModel) and resolution is None:
         parts = dict(model.parts)
-        origins = {s: model.origin(s) for s in parts}
-        structure = model.structure
+        if len(model.bands) > 1:
+            warnings.warn(
+                f"{path.name}: only the band {model.band} is written, out of {', '.join(model.bands)}.",
+                SpeculariaWarning,
+                stacklevel=2,
+            )
     else:
-        g = 6 if resolution is None else resolution
-        origins = {s: _origin(model, s) for s in model.sides}
-        with progress.task(f"building the tensor tree of {path.name}", len(model.sides)) as task:
-            for side in model.sides:
-                trees[side] = build(model, side, resolution=g, cull=cull)
-                task.advance()
+        trees = _build_all(model, path, resolution=6 if resolution is None else resolution, cull=cull)
         parts = {s: TreePart(t.tree) for s, t in trees.items()}
-        structure = "TensorTree3"
-        _warn_about(trees, path)
-    if thickness_mm is None and "thickness_mm" in attributes:
-        thickness_mm = float(attributes["thickness_mm"])
-    kept = {k: v for k, v in attributes.items() if k not in ("name", "thickness_mm", "band", "measured_band")}
+    origins = {s: _origin(model, s) for s in parts}
     measured = attributes.get("measured_band", model.band)
     text = xml_write.document(
         parts,
         band=measured if xml_write.band_in_file(measured) == model.band else model.band,
-        name=name or attributes.get("name") or attributes.get("title") or "specularia model",
-        attributes=kept,
+        attributes=attributes,
         origins=origins,
-        thickness_mm=thickness_mm,
+        geometry=getattr(model, "geometry", ""),
     )
     write_text(path, text)
     band = xml_write.band_in_file(model.band)
-    return Written(
-        path=path,
-        model=XmlModel(
-            parts=parts,
-            band=band,
-            structure=structure,
-            bands=(band,),
-            attributes={**attributes, **origins},
-        ),
-        trees=trees,
+    written = XmlModel(
+        parts=parts,
+        band=band,
+        structure=xml_write.structure_of(parts),
+        bands=(band,),
+        attributes={**attributes, **origins},
     )
+    return Written(path=path, model=written, trees=trees)
+
+
+def _build_all(
+    model: ScatteringModel, path: Path, *, resolution: int, cull: float | None
+) -> dict[str, Built]:
+    """Trees of all sides; a warning where reduction changes the light of a bin."""
+    trees: dict[str, Built] = {}
+    with progress.task(f"building the tensor tree of {path.name}", len(model.sides)) as task:
+        for side in model.sides:
+            t = trees[side] = build(model, side, resolution=resolution, cull=cull)
+            task.advance()
+            floor = np.maximum(t.tau_model, 1e-3 * max(float(t.tau_model.max()), 1e-12))
+            off = float(np.max(np.abs(t.tau_tree - t.tau_model) / floor))
+            if off > 2e-3:
+                warnings.warn(
+                    f"{path.name}: reduction changes the {side.replace('_', ' ')} of an incidence bin by "
+                    f"{100 * off:.1f} %; remove fewer cells (a smaller cull).",
+                    SpeculariaWarning,
+                    stacklevel=3,
+                )
+    return trees
 
 
 def _origin(model: ScatteringModel, side: str) -> str:
     origin = getattr(model, "origin", None)
     return str(origin(side)) if callable(origin) else "model"
-
-
-def _warn_about(trees: Mapping[str, Built], path: Path) -> None:
-    for side, t in trees.items():
-        safe = np.maximum(t.tau_model, 1e-3 * max(float(t.tau_model.max()), 1e-12))
-        off = float(np.max(np.abs(t.tau_tree - t.tau_model) / safe))
-        if off > 2e-3:
-            warnings.warn(
-                f"{path.name}: reduction changes the {side.replace('_', ' ')} of an incidence bin by "
-                f"{100 * off:.1f} %; remove fewer cells (a smaller cull).",
-                SpeculariaWarning,
-                stacklevel=3,
-            )
 
 
 def evaluate(

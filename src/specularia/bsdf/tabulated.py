@@ -237,8 +237,10 @@ class _Prepared:
 
     def value(self, s: Array, x: Array, y: Array) -> Array:
         """BSDF for light from phi_i = 0 at sin theta_i = s, towards the direction cosines (x, y)."""
-        integral = np.interp(s, self.grid, self.integral)
-        tau = self._tau(np.degrees(np.arcsin(s)))
+        # Most calls ask for one incident angle and many outgoing directions.
+        angles = s[:1] if s.size and np.all(s == s[0]) else s
+        integral = np.interp(angles, self.grid, self.integral)
+        tau = self._tau(np.degrees(np.arcsin(angles)))
         with np.errstate(divide="ignore", invalid="ignore"):
             scale = np.where(integral > 0, tau / integral, 0.0)
         return self._shape(s, x, y) * scale

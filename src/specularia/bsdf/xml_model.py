@@ -252,6 +252,7 @@ class XmlModel:
     attributes : what else the file says about the material.
     structure : IncidentDataStructure of the file: Columns, Rows, TensorTree3 or TensorTree4.
     bands : all bands of the file.
+    geometry : the file's Geometry element as text, empty where it has none.
     """
 
     parts: Mapping[str, Part]
@@ -259,6 +260,7 @@ class XmlModel:
     structure: str
     bands: tuple[str, ...]
     attributes: Mapping[str, str] = field(default_factory=dict)
+    geometry: str = ""
 
     @property
     def sides(self) -> tuple[str, ...]:

@@ -10,21 +10,21 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from xml.etree.ElementTree import Element, ParseError, tostring
+from xml.etree.ElementTree import Element, ParseError
+from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
 from specularia.bsdf.klems import KlemsBasis, basis_named
 from specularia.bsdf.tensor_tree import TensorTree, TreeSyntaxError
 from specularia.bsdf.xml_model import KlemsPart, Part, TreePart, XmlModel
-from specularia.bsdf.xml_write import DIRECTIONS
+from specularia.bsdf.xml_write import DIRECTIONS, LENGTHS
 from specularia.errors import CoverageError, FormatError, PhysicsError, SpeculariaWarning
 from specularia.files import existing
 
-__all__ = ["WindowFile", "read_xml"]
+__all__ = ["read_xml"]
 
 _SIDES = {v.casefold(): k for k, v in DIRECTIONS.items()}
 _BANDS = {b.casefold(): b for b in ("Visible", "Solar", "NIR", "CIE-X", "CIE-Y", "CIE-Z", "CIE-u", "CIE-v")}
@@ -46,25 +46,6 @@ _MILLIMETRES = {
 _NOTE = re.compile(rb"<!-- specularia\n(.*?)\n-->", re.DOTALL)
 
 
-@dataclass(frozen=True)
-class WindowFile:
-    """Everything that a file holds.
-
-    Attributes
-    ----------
-    models : one scattering model per band.
-    name, manufacturer : of the material.
-    thickness_mm : or None where the file does not say.
-    geometry : the Geometry element as text, or None where it is empty.
-    """
-
-    models: dict[str, XmlModel]
-    name: str
-    manufacturer: str
-    thickness_mm: float | None
-    geometry: str | None
-
-
 def read_xml(path: str | Path, *, band: str | None = None) -> XmlModel:
     """One band of a WINDOW XML file as a scattering model.
 
@@ -78,7 +59,7 @@ def read_xml(path: str | Path, *, band: str | None = None) -> XmlModel:
     FormatError : not such a file, or data that cannot be right; with file, line, expected and found.
     CoverageError : the band is not in the file.
     """
-    models = read_file(path).models
+    models = _Reader(path).models()
     if band is None:
         band = "Visible" if "Visible" in models else next(iter(models))
         if band != "Visible":
@@ -91,16 +72,6 @@ def read_xml(path: str | Path, *, band: str | None = None) -> XmlModel:
         if name.casefold() == band.casefold():
             return model
     raise CoverageError(f"{path}: no band {band}; it holds {', '.join(models)}.")
-
-
-def read_file(path: str | Path) -> WindowFile:
-    """Read all bands of a WINDOW XML file."""
-    path = existing(path, what="a BSDF file")
-    try:
-        raw = path.read_bytes()
-    except OSError as error:
-        raise FormatError(file=path, expected="a readable file", found=str(error.strerror)) from error
-    return _Reader(path, raw).file()
 
 
 def _local(element: Element) -> str:
@@ -122,11 +93,27 @@ def _text(element: Element | None, name: str) -> str:
     return " ".join((found.text or "").split()) if found is not None else ""
 
 
+def _holds(element: Element) -> bool:
+    return len(element) > 0 or bool((element.text or "").strip())
+
+
+def _plain(element: Element) -> str:
+    """An element as text, without the prefixes of its namespace, which other readers stumble over."""
+    name = _local(element)
+    start = " ".join([name, *(f"{k}={quoteattr(v)}" for k, v in element.attrib.items())])
+    inner = escape(element.text or "") + "".join(_plain(e) + escape(e.tail or "") for e in element)
+    return f"<{start}>{inner}</{name}>"
+
+
 class _Reader:
     """One pass over one file."""
 
-    def __init__(self, path: Path, raw: bytes) -> None:
-        self.path, self.raw = path, raw
+    def __init__(self, path: str | Path) -> None:
+        self.path = existing(path, what="a BSDF file")
+        try:
+            raw = self.raw = self.path.read_bytes()
+        except OSError as error:
+            raise self._fault("a readable file", str(error.strerror)) from error
         self.root = self._parse()
         self.data_lines = [
             raw.count(b"\n", 0, m.start()) + 1 for m in re.finditer(rb"<(?:\w+:)?ScatteringData[\s>]", raw)
@@ -154,7 +141,8 @@ class _Reader:
             raise self._fault("the root element WindowElement", _local(root) or "another", 1)
         return root
 
-    def file(self) -> WindowFile:
+    def models(self) -> dict[str, XmlModel]:
+        """One scattering model per band."""
         layers = list(_children(_child(self.root, "Optical"), "Layer"))
         if not layers:
             raise self._fault("an optical layer", "none")
@@ -175,32 +163,26 @@ class _Reader:
         structure = kinds[structure.casefold()]
         own = [self._basis(e) for e in _children(_child(layer, "DataDefinition"), "AngleBasis")]
         parts = self._parts(layer, structure, own)
-        thickness = self._thickness_mm(material)
-        attributes = self._attributes(material, thickness)
-        models = {
+        attributes = self._attributes(material)
+        geometry = next((g for e in (layer, material) for g in _children(e, "Geometry") if _holds(g)), None)
+        return {
             band: XmlModel(
-                parts=sides, band=band, structure=structure, bands=tuple(parts), attributes=attributes
+                parts=sides,
+                band=band,
+                structure=structure,
+                bands=tuple(parts),
+                attributes=attributes,
+                geometry="" if geometry is None else _plain(geometry),
             )
             for band, sides in parts.items()
         }
-        geometry = _child(layer, "Geometry")
-        if geometry is None:
-            geometry = _child(material, "Geometry")
-        kept = None
-        if geometry is not None and ((geometry.text or "").strip() or len(geometry)):
-            kept = tostring(geometry, encoding="unicode")
-        return WindowFile(
-            models=models,
-            name=_text(material, "Name"),
-            manufacturer=_text(material, "Manufacturer"),
-            thickness_mm=thickness,
-            geometry=kept,
-        )
 
-    def _attributes(self, material: Element | None, thickness: float | None) -> dict[str, str]:
+    def _attributes(self, material: Element | None) -> dict[str, str]:
         out = {"name": _text(material, "Name"), "manufacturer": _text(material, "Manufacturer")}
-        if thickness is not None:
-            out["thickness_mm"] = f"{thickness:g}"
+        for name in LENGTHS:
+            length = self._length_mm(material, name)
+            if length is not None:
+                out[f"{name.lower()}_mm"] = f"{length:.10g}"
         note = _NOTE.search(self.raw)
         if note:
             for line in note.group(1).decode(errors="replace").splitlines():
@@ -208,8 +190,8 @@ class _Reader:
                 out["measured_band" if key == "band" else key] = value
         return {k: v for k, v in out.items() if v}
 
-    def _thickness_mm(self, material: Element | None) -> float | None:
-        element = _child(material, "Thickness")
+    def _length_mm(self, material: Element | None, name: str) -> float | None:
+        element = _child(material, name)
         text = (element.text or "").strip() if element is not None else ""
         if element is None or not text:
             return None
@@ -221,7 +203,7 @@ class _Reader:
             value = float("nan")
         if factor is None or not np.isfinite(value) or value < 0:
             warnings.warn(
-                f"{self.path}: the thickness {text!r} in {unit!r} is not understood and left out.",
+                f"{self.path}: the {name.lower()} {text!r} in {unit!r} is not understood and left out.",
                 SpeculariaWarning,
                 stacklevel=2,
             )

@@ -13,7 +13,7 @@ from specularia.bsdf.xml_model import KlemsPart, Part, TreePart
 from specularia.conventions import SIDES
 from specularia.errors import PhysicsError
 
-__all__ = ["FILE_BANDS", "band_in_file", "document"]
+__all__ = ["DIRECTIONS", "FILE_BANDS", "LENGTHS", "band_in_file", "document", "structure_of"]
 
 FILE_BANDS = ("Visible", "Solar", "NIR", "CIE-X", "CIE-Z", "CIE-u", "CIE-v")
 """Bands that files name; everything else is written as Visible, with a note of what it was."""
@@ -26,6 +26,10 @@ DIRECTIONS = {
 }
 
 
+LENGTHS = ("Thickness", "Width", "Height")
+"""Elements of the material that hold a length."""
+
+
 def band_in_file(band: str) -> str:
     """The band under which a model is written: its own, or Visible."""
     for known in FILE_BANDS:
@@ -34,15 +38,21 @@ def band_in_file(band: str) -> str:
     return "Visible"
 
 
+def structure_of(parts: Mapping[str, Part]) -> str:
+    """IncidentDataStructure of a file with these sides; matrices are written as Columns."""
+    found = {f"TensorTree{p.tree.rank}" if isinstance(p, TreePart) else "Columns" for p in parts.values()}
+    if len(found) != 1:
+        raise PhysicsError("one XML file holds matrices only or trees of one rank only.")
+    return found.pop()
+
+
 def document(
     parts: Mapping[str, Part],
     *,
     band: str,
-    name: str,
-    attributes: Mapping[str, str],
-    origins: Mapping[str, str],
-    thickness_mm: float | None = None,
-    geometry: str | None = None,
+    attributes: Mapping[str, str] | None = None,
+    origins: Mapping[str, str] | None = None,
+    geometry: str = "",
 ) -> str:
     """The text of an XML file with one band.
 
@@ -50,21 +60,26 @@ def document(
     ----------
     parts : sides; all of them matrices, or all of them trees of one rank.
     band : what light the data are for; one that files do not know is written as Visible and noted.
-    name : of the material.
-    attributes : provenance; it stands as "key: value" lines in a comment at the top.
-    origins : for each side, where its numbers come from.
-    thickness_mm : of the pane, where known.
-    geometry : text of a Geometry element to keep, where there is one.
+    attributes : name, manufacturer, thickness_mm, width_mm and height_mm go into the material; the rest, such
+        as provenance, stands as "key: value" lines in a comment at the top.
+    origins : for each side, where its numbers come from; goes into the comment.
+    geometry : a Geometry element as text, where there is one.
     """
-    structures = {_structure(p) for p in parts.values()}
-    if len(structures) != 1:
-        raise PhysicsError("one XML file holds matrices only or trees of one rank only.")
-    (structure,) = structures
+    material = dict(attributes or {})
+    origins = origins or {}
+    name = material.pop("name", "") or material.get("title", "") or "specularia model"
+    manufacturer = material.pop("manufacturer", "")
+    lengths = {k: material.pop(f"{k.lower()}_mm") for k in LENGTHS if f"{k.lower()}_mm" in material}
+    for own in ("band", "measured_band", *SIDES):
+        material.pop(own, None)
+    structure = structure_of(parts)
     written = band_in_file(band)
-    notes = {"band": band, **attributes, **{s: origins[s] for s in SIDES if s in origins}}
+    notes = {"band": band, **material, **{s: origins[s] for s in SIDES if s in origins}}
     comment = "\n".join(f"{k}: {' '.join(str(v).split())}" for k, v in notes.items())
-    measured = band if written == "Visible" and band.casefold() != "visible" else ""
-    source = "CIE Illuminant D65 1nm.ssp" if not measured else f"{measured} (written as Visible)"
+    if band.casefold() == "visible":
+        source, detector = "CIE Illuminant D65 1nm.ssp", "ASTM E308 1931 Y.dsp"
+    else:
+        source, detector = (f"{band} (written as Visible)" if written == "Visible" else band), "none"
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',
         # Two hyphens in a row may not stand in an XML comment.
@@ -77,11 +92,10 @@ def document(
         "<Layer>",
         "<Material>",
         f"<Name>{escape(name)}</Name>",
-        "<Manufacturer></Manufacturer>",
+        f"<Manufacturer>{escape(manufacturer)}</Manufacturer>",
         "<DeviceType>Other</DeviceType>",
     ]
-    if thickness_mm is not None:
-        lines.append(f'<Thickness unit="millimeter">{thickness_mm:g}</Thickness>')
+    lines += [f'<{key} unit="millimeter">{value}</{key}>' for key, value in lengths.items()]
     lines += ["</Material>", geometry or "<Geometry></Geometry>"]
     lines += ["<DataDefinition>", f"<IncidentDataStructure>{structure}</IncidentDataStructure>"]
     bases = {b.name: b for p in parts.values() if isinstance(p, KlemsPart) for b in (p.incident, p.outgoing)}
@@ -95,7 +109,7 @@ def document(
                 "<LayerNumber>System</LayerNumber>",
                 f'<Wavelength unit="Integral">{written}</Wavelength>',
                 f"<SourceSpectrum>{escape(source)}</SourceSpectrum>",
-                "<DetectorSpectrum>ASTM E308 1931 Y.dsp</DetectorSpectrum>",
+                f"<DetectorSpectrum>{detector}</DetectorSpectrum>",
                 "<WavelengthDataBlock>",
                 f"<WavelengthDataDirection>{DIRECTIONS[side]}</WavelengthDataDirection>",
                 *_data_lines(parts[side], side),
@@ -104,10 +118,6 @@ def document(
             ]
     lines += ["</Layer>", "</Optical>", "</WindowElement>", ""]
     return "\n".join(lines)
-
-
-def _structure(part: Part) -> str:
-    return f"TensorTree{part.tree.rank}" if isinstance(part, TreePart) else "Columns"
 
 
 def _basis_lines(basis: KlemsBasis) -> list[str]:

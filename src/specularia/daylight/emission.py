@@ -18,7 +18,7 @@ which direction cosines do not, and a table that is linear between its nodes is 
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,9 +63,11 @@ class EmissionMap:
         return np.where(rr <= 1.0, value, np.nan)
 
     def coarsened(self) -> EmissionMap:
-        """The map on every second node, to see what its interpolation costs."""
+        """The map on every second node, with the same exitance, to see what its interpolation costs."""
         i, j = (np.unique(np.append(np.arange(0, a.size, 2), a.size - 1)) for a in (self.s, self.t))
-        return EmissionMap(self.s[i], self.t[j], self.luminance[np.ix_(i, j)])
+        half = EmissionMap(self.s[i], self.t[j], self.luminance[np.ix_(i, j)])
+        held = half.exitance()
+        return replace(half, luminance=half.luminance * (self.exitance() / held)) if held > 0.0 else half
 
     def exitance(self) -> float:
         """Luminous flux per area that leaves into the room, lm/m2: the integral of the bilinear map."""
@@ -73,10 +75,11 @@ class EmissionMap:
         return float(np.sum(w * bilinear(self.s, self.t, self.luminance, s, t)))
 
     def width_deg(self) -> float:
-        """Diameter of a round spot of the solid angle into which the brightest tenth of the light goes.
+        """How finely the pane must be sampled: the width of a spot that much of the light goes through.
 
-        It says how finely a pane must be sampled. A peak that is narrower but holds little light, as noise or a
-        needle of undeflected light has, does not count.
+        The lesser of the diameter of a round spot that takes the brightest tenth of the light, and twice the
+        diameter of one as large as what is brighter than half the peak: even a needle that holds little light
+        shows up many times over where it is sampled too thinly.
         """
         s, t, w = _gauss_points(self.s, self.t)
         rr = s * s + t * t
@@ -84,7 +87,9 @@ class EmissionMap:
         order = np.argsort(-value)
         flux = np.cumsum((w * value)[order])
         solid = np.cumsum((w * (1.0 + rr) / np.maximum(1.0 - rr, 1e-6))[order])
-        return float(np.degrees(np.sqrt(4.0 / np.pi * np.interp(0.1 * flux[-1], flux, solid))))
+        tenth = np.interp(0.1 * flux[-1], flux, solid)
+        peak = solid[np.count_nonzero(value > 0.5 * value.max()) - 1]
+        return float(np.degrees(np.sqrt(4.0 / np.pi * min(tenth, 4.0 * peak))))
 
 
 def _gauss_points(s: Array, t: Array) -> tuple[Array, Array, Array]:

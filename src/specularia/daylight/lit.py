@@ -33,8 +33,8 @@ Array = NDArray[np.float64]
 _CLEAR_GLASS = 0.15
 """Diffuse-diffuse reflectance of a clear pane, n = 1.5, both faces."""
 
-_FINE = 8.0
-"""Points on a pane per half width of the lobe for sensors, where a lobe's steep flank must be right."""
+_FINE = 4.0
+"""Fineness for sensors (see `Scene.illuminance`), where a steep flank or a narrow peak must be right."""
 
 
 def run(
@@ -156,7 +156,7 @@ def _reflectance(pane: Pane, model: ScatteringModel) -> float:
 def _interreflection(scene: Scene, m: Mesh, panes: Sequence[float]) -> Interreflection:
     octree = scene.octree("coarse", cell=0.28 / scene.sampling)
     points, normals = m.points.reshape(-1, 3), m.normals.reshape(-1, 3)
-    direct = scene.illuminance(octree, scene.box.lifted(points), normals, fineness=1.0)
+    direct = scene.illuminance(octree, scene.box.lifted(points), normals, fineness=0.5)
     flux = sum(e.exitance() * p.glass.area for e, p in zip(scene.maps, scene.box.panes))
     return Interreflection(m, direct.reshape(m.points.shape[:2]), reflectances(scene.box, m, panes), flux)
 
@@ -210,7 +210,7 @@ def _image(
 ) -> Image:
     octree = scene.octree("picture", cell=0.28 / scene.sampling)
     luminance = render(
-        view, scene=scene, octree=octree, field=field, panes=panes, fineness=2.0 / np.sqrt(scene.sampling)
+        view, scene=scene, octree=octree, field=field, panes=panes, fineness=1.0 / np.sqrt(scene.sampling)
     )
     stem = file_name(f"{name}_{view.name}")
     hdr = write_hdr(folder / f"{stem}.hdr", luminance, view, what=f"specularia daylight, model {name}")

@@ -54,7 +54,7 @@ class Scene:
     folder : where the files lie.
     box : the room.
     maps : emission map of each pane.
-    width_deg : angular width of the narrowest map's bright part; it sets how finely a pane is sampled.
+    width_deg : the least `EmissionMap.width_deg` of the maps; it sets how finely a pane is sampled.
     sampling : density of points on the panes, times the quick one.
     """
 
@@ -85,8 +85,7 @@ class Scene:
     def illuminance(self, octree: str, points: Array, normals: Array, *, fineness: float = 1.0) -> Array:
         """[K] lx straight from the panes at points [K, 3] with normals [K, 3].
 
-        Points on a pane are sampled so densely that neighbours are seen under half the width of the narrowest
-        lobe, divided by `fineness`.
+        Points on a pane lie so densely that neighbours are seen under `width_deg` / (2 `fineness`) at most.
         """
         if len(points) == 0:
             return np.zeros(0)
@@ -110,7 +109,8 @@ class Scene:
         return out[:, 1] * LUMINOUS_EFFICACY, points
 
     def _options(self, fineness: float) -> list[str]:
-        spacing = np.clip(np.radians(self.width_deg) / (2.0 * fineness * self.sampling), 0.005, 0.2)
+        # The lower limit bounds the time for panes that are nearly clear.
+        spacing = min(max(np.radians(self.width_deg), 0.024) / (2.0 * fineness * self.sampling), 0.2)
         workers = min(os.cpu_count() or 1, 8)
         # No ambient light, no jitter, no source left out by a threshold, every shadow tested.
         return (

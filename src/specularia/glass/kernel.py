@@ -7,7 +7,8 @@ Shells are walked through a hierarchy of bounds (`hierarchy.py`); the bulk is cr
 distance is ever nudged by a small constant: a ray that starts on a triangle or on a bubble's wall leaves that
 one out by name or by sign, so no path slips through a surface.
 
-All functions take and return plain numbers and arrays, keep no state and use nothing that a GPU lacks.
+All functions take and return plain numbers and arrays, keep no state and use nothing that a GPU lacks. They
+share one file because the compiler's cache looks for changes in the file of the outermost one alone.
 """
 # Compiled functions carry no annotations: their types follow from the call.
 # mypy: disallow-untyped-defs=False, disallow-untyped-calls=False
@@ -26,7 +27,7 @@ __all__ = ["ABSORBED", "BACK", "FRONT", "LOST", "meet_interface", "meet_relief",
 FRONT, BACK, ABSORBED, LOST = 0, 1, 2, 3
 """Where a path ended: out of the front, out of the back, in the glass, or given up and counted."""
 
-MAX_EVENTS = 100_000
+MAX_EVENTS = 1_000_000
 """Interfaces met before a path counts as lost. Light that total reflection traps meets a few hundred."""
 
 MAX_PERIODS = 100_000
@@ -42,11 +43,12 @@ FAST = {"contract", "nsz", "arcp", "reassoc", "nnan", "ninf"}
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
 _MIX_2 = np.uint64(0x94D049BB133111EB)
-# 2^64 times 1 / 1.3247... and its square, steps modulo 1 whose multiples fill the unit square evenly: the
-# generalisation of the golden ratio to two dimensions (Roberts, M. (2018), The unreasonable effectiveness of
-# quasirandom sequences, extremelearning.com.au).
-_STEP_X = np.uint64(0xC13FA9A902A6328F)
-_STEP_PHI = np.uint64(0x91E10DA5C79E7B1D)
+# Fractions of the square roots of 2, 3, 5 and 7, times 2^64: multiples of them modulo 1 fill a cube of four
+# dimensions evenly (Richtmyer 1951, LA-1342).
+_ROOT_2 = np.uint64(0x6A09E667F3BCC908)
+_ROOT_3 = np.uint64(0xBB67AE8584CAA73B)
+_ROOT_5 = np.uint64(0x3C6EF372FE94F82B)
+_ROOT_7 = np.uint64(0xA54FF53A5F1D36F1)
 _TO_UNIT = 1.0 / 9007199254740992.0
 
 
@@ -66,9 +68,22 @@ def _unit(bits):
 
 @nb.njit(inline="always")
 def uniform(key, draw):
-    """Number `draw` (0, 1, ...) of the random stream `key`, uniform in [0, 1): a function of its
-    arguments."""
+    """Number `draw` (0, 1, ...) of the stream `key`: uniform in [0, 1), and a function of its arguments."""
     return _unit(_mix(key + np.uint64(draw + 1) * _GOLDEN))
+
+
+@nb.njit(inline="always")
+def _even(number, step, shift):
+    """Coordinate of point `number` of the lattice that `step` spans, shifted as a whole by chance."""
+    return _unit(number * step + _mix(shift + step))
+
+
+@nb.njit(inline="always")
+def _chance(number, shift, key, met):
+    """Random number that decides at interface `met` of a path: even over all paths at the first three."""
+    if met > 2:
+        return uniform(key, met)
+    return _even(number, _ROOT_3 if met == 0 else (_ROOT_5 if met == 1 else _ROOT_7), shift)
 
 
 @nb.njit(fastmath=FAST, error_model="numpy")
@@ -299,7 +314,7 @@ def _to_sphere(bubbles, k, x, y, z):
 
 
 @nb.njit(fastmath=FAST, error_model="numpy")
-def meet_interface(nx, ny, nz, dx, dy, dz, ratio, polarised, sx, sy, sz, q, u, v, key, draw):
+def meet_interface(nx, ny, nz, dx, dy, dz, ratio, polarised, sx, sy, sz, q, u, v, xi):
     """Reflect or refract one path, by chance, with Fresnel's share of the power as the probability.
 
     Parameters
@@ -310,11 +325,11 @@ def meet_interface(nx, ny, nz, dx, dy, dz, ratio, polarised, sx, sy, sz, q, u, v
     polarised : False to forget the polarisation after each interface (s and p averaged).
     sx, sy, sz, q, u, v : reference axis of the Stokes vector (1, q, u, v), which looks along the light with
         axes s and d x s; q > 0 is light swinging along the axis.
-    key, draw : random stream and the number of the next draw.
+    xi : random number in [0, 1).
 
     Returns
     -------
-    crossed, the new dx, dy, dz, sx, sy, sz, q, u, v, and draw.
+    crossed, and the new dx, dy, dz, sx, sy, sz, q, u, v.
     """
     c = -(dx * nx + dy * ny + dz * nz)
     sin2 = 1.0 - c * c
@@ -349,8 +364,6 @@ def meet_interface(nx, ny, nz, dx, dy, dz, ratio, polarised, sx, sy, sz, q, u, v
         from_s = 0.5 * (1.0 + q)
         from_p = 0.5 * (1.0 - q)
         reflected = rs * rs * from_s + rp * rp * from_p
-        xi = uniform(key, draw)
-        draw += 1
         if xi >= reflected:
             crossed = True
             if polarised:
@@ -385,18 +398,18 @@ def meet_interface(nx, ny, nz, dx, dy, dz, ratio, polarised, sx, sy, sz, q, u, v
         dz += 2.0 * c * nz
     if not polarised:
         q = 0.0
-    return crossed, dx, dy, dz, sx, sy, sz, q, u, v, draw
+    return crossed, dx, dy, dz, sx, sy, sz, q, u, v
 
 
 @nb.njit(fastmath=FAST, error_model="numpy")
 def _path(
     relief, layout, scale, bubbles, first, member, grid, eta, absorption, polarised,
-    face, x, y, dx, dy, dz, key,
+    face, x, y, dx, dy, dz, number, shift, key,
 ):  # fmt: skip
     """Follow one path from above (or below) the pane until it leaves it.
 
-    Returns where it ended (FRONT, BACK, LOST), its direction, its weight, what was absorbed of it, and its
-    way in glass in um.
+    Returns where it ended (FRONT, BACK, ABSORBED or LOST), its direction, its weight, what was absorbed of it,
+    and its way in glass in um.
     """
     # scale[face]: pixels per um along x and y; mean plane; highest point of the relief above it and lowest
     # below it; sine of the steepest slope.
@@ -417,7 +430,7 @@ def _path(
     weight = 1.0
     absorbed = 0.0
     way = 0.0
-    draw = 2
+    met = 0
     per_eta = 1.0 / eta
     for _ in range(MAX_EVENTS):
         if bubble >= 0:
@@ -485,10 +498,11 @@ def _path(
         per = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz)
         if nx * dx + ny * dy + nz * dz > 0.0:
             per = -per
-        crossed, dx, dy, dz, sx, sy, sz, q, u, v, draw = meet_interface(
+        crossed, dx, dy, dz, sx, sy, sz, q, u, v = meet_interface(
             nx * per, ny * per, nz * per, dx, dy, dz, eta if in_glass else per_eta,
-            polarised, sx, sy, sz, q, u, v, key, draw,
+            polarised, sx, sy, sz, q, u, v, _chance(number, shift, key, met),
         )  # fmt: skip
+        met += 1
         if in_bulk:
             # At a bubble's wall. In the glass means: outside the bubble.
             if crossed:
@@ -534,15 +548,16 @@ def trace_kernel(
         p = start + i
         replicate = p // per_replicate
         number = p - replicate * per_replicate
-        # Starts: a lattice of rows, each sheared by a step that never repeats, shifted as a whole by chance
-        # in each replicate. Neighbours in number are neighbours in place, whose relief is still in the cache.
+        # Starts, azimuths and the first three decisions are points of one lattice, shifted as a whole by chance
+        # in each replicate. In place it runs in rows, each sheared by a step that never repeats: neighbours in
+        # number are neighbours in place, whose relief is still in the cache.
         shift = _mix(root + np.uint64(replicate + 1) * _MIX_1)
-        key = _mix(root ^ (np.uint64(p + 1) * _STEP_PHI))
+        key = _mix(root ^ (np.uint64(p + 1) * _MIX_2))
         count = np.uint64(number)
         y = number / per_replicate + uniform(shift, 0)
         y -= math.floor(y)
         row = number // columns
-        x = (number - row * columns + _unit(np.uint64(row) * _STEP_X)) / columns + uniform(shift, 1)
+        x = (number - row * columns + _unit(np.uint64(row) * _GOLDEN)) / columns + uniform(shift, 1)
         x -= math.floor(x)
         # Which of the periods: the other face and the bubbles lie differently under each.
         x += int(uniform(key, 0) * repeat_x)
@@ -550,12 +565,12 @@ def trace_kernel(
         co = co_0
         si = si_0
         if turned:
-            azimuth = 2.0 * math.pi * _unit(count * _STEP_PHI + _mix(shift + _STEP_PHI))
+            azimuth = 2.0 * math.pi * _even(count, _ROOT_2, shift)
             co = math.cos(azimuth)
             si = math.sin(azimuth)
         ended, dx, dy, _, w, a, way_in_glass = _path(
             relief, layout, scale, bubbles, first, member, grid, eta, absorption, polarised,
-            face, x * width_x, y * width_y, -sin_t * co, -sin_t * si, cos_t, key,
+            face, x * width_x, y * width_y, -sin_t * co, -sin_t * si, cos_t, count, shift, key,
         )  # fmt: skip
         if turned:
             dx, dy = dx * co + dy * si, dy * co - dx * si

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from specularia.study.stages.blocks import figure, table
+from specularia.study.stages.blocks import figure, table, text
 
 if TYPE_CHECKING:
     from specularia.gonio import Table
@@ -52,10 +52,9 @@ def measured(work: Work) -> Mapping[str, Any]:
         "projected hemisphere."
     )
     blocks = [table(header, rows, caption, synthetic=synthetic)]
-    noticed = [[s.table.label, note] for s in summaries for note in s.warnings]
-    if noticed:
-        caption = "What the reader and the integration noticed; the numbers above take it into account."
-        blocks.append(table(["file", "noticed"], noticed, caption, synthetic=synthetic))
+    for s in summaries:
+        if s.warnings:
+            blocks.append(text(f"{s.table.label}: {'; '.join(s.warnings)}."))
     shown = ([t for t in tables if t.kind == "transmission"] or tables)[:_PANELS]
     picture = figures.measured_dsf(shown, work.folder / "measured_dsf.png", synthetic=synthetic)
     angles = ", ".join(f"{t.theta_i_deg:g}" for t in shown)

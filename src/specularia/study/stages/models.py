@@ -10,7 +10,7 @@ from specularia.study.stages.blocks import table
 from specularia.study.stages.surfaces import map_files
 
 if TYPE_CHECKING:
-    from specularia.bsdf import TabulatedModel
+    from specularia.bsdf import Built, SideTable, TabulatedModel
     from specularia.study.engine import Work
 
 __all__ = ["MODEL", "model_c", "read_models", "write_model"]
@@ -37,27 +37,20 @@ def write_model(work: Work, name: str, model: TabulatedModel, *, synthetic: bool
     from specularia import bsdf
 
     bsdf.write(model, work.folder / MODEL)
-    bsdf.write(
+    written = bsdf.write(
         model,
         work.folder / "model.xml",
         resolution=work.parameters["resolution"],
         cull=work.parameters["cull"],
         name=f"specularia model {name}",
     )
-    rows = [
-        [
-            side.replace("_", " "),
-            found.origin,
-            len(found.theta_i_deg),
-            f"{found.theta_i_deg[0]:g} to {found.theta_i_deg[-1]:g}",
-            f"{found.tau[0]:.4f} ± {found.tau_se[0]:.1g}",
-        ]
-        for side, found in model.tables.items()
-    ]
-    header = ["side", "origin", "angles", "theta_i (°)", "tau or rho at the first"]
+    rows = [_row(side, tree, model.tables.get(side)) for side, tree in written.trees.items()]
+    header = ["side", "origin", "theta_i (°)", "cells merged in the XML", "tau or rho of the XML off by"]
     caption = (
-        f"Model {name}, band {model.band}: the sides it holds and the angles of incidence of its data. A "
-        "side that is not listed follows by reciprocity; beyond the last angle the model is extrapolated."
+        f"Model {name}, band {model.band}: its sides, the angles of incidence of its data, and its "
+        f"Radiance file (tensor tree of resolution {work.parameters['resolution']}): the share of cells "
+        "that were merged, and the largest difference of tau or rho from the model's mean over an "
+        "incidence bin. Files: model.nc, model.xml."
     )
     return {
         "synthetic": synthetic,
@@ -65,6 +58,16 @@ def write_model(work: Work, name: str, model: TabulatedModel, *, synthetic: bool
         "sides": list(model.sides),
         "blocks": [table(header, rows, caption, synthetic=synthetic)],
     }
+
+
+def _row(side: str, tree: Built, held: SideTable | None) -> list[str]:
+    """A side of a model and of its Radiance file, as the report shows it."""
+    origin, angles = "reciprocity", "–"
+    if held is not None:
+        angles = f"{len(held.theta_i_deg)}: {held.theta_i_deg[0]:g} to {held.theta_i_deg[-1]:g}"
+        origin = held.origin
+    off = abs(tree.tau_tree - tree.tau_model).max()
+    return [side.replace("_", " "), origin, angles, f"{100 * tree.removed:.0f} %", f"{off:.4f}"]
 
 
 def model_c(work: Work) -> Mapping[str, Any]:

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from specularia.provenance import versions
+
 if TYPE_CHECKING:
     from specularia.report import Block
     from specularia.study.engine import Work
@@ -44,7 +46,8 @@ def report(work: Work) -> Mapping[str, Any]:
                 for b in manifests[name]["summary"].get("blocks", ())
             ]
             sections.append(Section(title, blocks))
-    provenance = {"study": {"title": work.parameters["title"], **work.parameters["study"]}}
+    here = versions()
+    provenance = {"study": {"title": work.parameters["title"], **work.parameters["study"], "versions": here}}
     for name, manifest in manifests.items():
         provenance[name] = {
             "key": manifest["key"],
@@ -53,7 +56,7 @@ def report(work: Work) -> Mapping[str, Any]:
             "from stages": ", ".join(manifest["needs"]),
             "files in them": ", ".join(f"{s}/{p}" for found in manifest["within"].values() for s, p in found),
             "seconds": manifest["seconds"],
-            "versions": manifest["versions"],
+            "versions": "as of the study" if manifest["versions"] == here else manifest["versions"],
             "synthetic": "yes: made by a computer program, not measured" if name in synthetic else "no",
         }
     page(work.parameters["title"], sections, provenance, work.folder / PAGE)

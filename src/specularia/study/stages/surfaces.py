@@ -69,7 +69,7 @@ def surfaces(work: Work) -> Mapping[str, Any]:
     rows = [
         [
             face,
-            f"{s['source']} ({'focus stack' if s['from_stack'] else 'height map'})",
+            "focus stack" if s["from_stack"] else "height map",
             f"{s['shape'][1]} x {s['shape'][0]}",
             s["pitch_um"][0],
             s["range_um"],
@@ -80,9 +80,10 @@ def surfaces(work: Work) -> Mapping[str, Any]:
         ]
         for face, s in said.items()
     ]
+    named = ", ".join(f"{face}: {s['source']}" for face, s in said.items())
     caption = (
-        "The faces of the slab. Range: highest minus lowest point; Sq: rms height; Sdq: rms slope (ISO "
-        "25178-2); sigma: rms standard uncertainty of a height, from the stack's own noise."
+        f"The faces of the slab ({named}). Range: highest minus lowest point; Sq: rms height; Sdq: rms "
+        "slope (ISO 25178-2); sigma: rms standard uncertainty of a height, from the stack's own noise."
     )
     blocks = [table(header, rows, caption, synthetic=synthetic)]
     picture = figures.height_maps(maps, work.folder / "height_maps.png", synthetic=synthetic)

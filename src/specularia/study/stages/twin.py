@@ -21,20 +21,19 @@ def twin(work: Work) -> Mapping[str, Any]:
     files = make(work.file("settings"), work.folder, seed=work.parameters["seed"])
     truth = json.loads(files.truth.read_text(encoding="utf-8"))
     rows = [
-        [
-            f"{band}, {words}",
-            *(f"{value:.4f} ± {se:.1g}" for value, se in zip(found[key], found[f"{key}_se"])),
-        ]
+        [f"{band}, {words}", *(f"{value:.4f}" for value in found[key])]
         for band, found in truth["tau"].items()
         for key, words in (("phi_0", "phi_i = 0"), ("azimuth_mean", "mean over phi_i"))
     ]
+    error = max(max(v) for found in truth["tau"].values() for k, v in found.items() if k.endswith("_se"))
     faces = "; ".join(
         f"{name}: {100 * face['pitted_share']:.1f} % of the area pitted, relief {face['relief_um']:.1f} um"
         for name, face in truth["faces"].items()
     )
     caption = (
         "The truth about the synthetic specimen: direct-hemispherical transmission, traced through its true "
-        f"faces, absorbing glass and {truth['bubbles']:,} bubbles, with standard errors. {faces}."
+        f"faces, absorbing glass and {truth['bubbles']:,} bubbles; standard errors are {error:.1g} at most. "
+        f"{faces[0].upper()}{faces[1:]}."
     )
     header = ["tau", *(f"{theta:g}°" for theta in truth["theta_deg"])]
     return {
