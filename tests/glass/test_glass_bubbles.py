@@ -58,6 +58,8 @@ def test_bubbles_too_large_for_the_glass_are_drawn_again_and_counted():
     with pytest.warns(SpeculariaWarning, match=r"\d+ bubble diameters did not fit"):
         found = sample_bubbles([BubbleKind(per_cm3=5.0, median_mm=2.0, sigma=0.5)], seed=1, **ROOM)
     found.check_within(-1.4, 1.45)
+    with pytest.raises(PhysicsError, match="Use a smaller cell"):
+        sample_bubbles([BubbleKind(per_cm3=1e6, median_mm=0.01)], seed=1, cell_mm=(50.0, 50.0), **ROOM)
     with pytest.raises(PhysicsError, match="do not fit"):
         sample_bubbles([BubbleKind(per_cm3=1.0, median_mm=9.0)], seed=1, **ROOM)
 

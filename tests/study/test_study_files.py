@@ -16,6 +16,8 @@ from specularia.study.engine import Stage
 from specularia.study.new import kind_of
 from specularia.study.sources import Sources
 
+pytestmark = pytest.mark.filterwarnings("ignore::specularia.errors.SpeculariaWarning")
+
 Command = Callable[..., tuple[int, Any, str]]
 
 

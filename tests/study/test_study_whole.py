@@ -13,6 +13,8 @@ import pytest
 from specularia import gonio, study
 from specularia.gonio import Table
 
+pytestmark = pytest.mark.filterwarnings("ignore::specularia.errors.SpeculariaWarning")
+
 Command = Callable[..., tuple[int, Any, str]]
 
 TAU = {0.0: 0.6, 40.0: 0.5, 70.0: 0.3}

@@ -25,6 +25,10 @@ COUNT = 1000
 
 CELL_MM = (2.0, 100.0)
 
+COUNT_LIMIT = 50_000
+"""More bubbles of a kind than this are not drawn into one cell: placing them takes the square of their
+number."""
+
 TRIES = 200
 """Places tried for one bubble before the glass counts as full."""
 
@@ -164,6 +168,11 @@ def sample_bubbles(
     parts, redrawn = [], 0
     for kind in kinds:
         count = round(kind.per_cm3 * volume_cm3)
+        if count > COUNT_LIMIT:
+            raise PhysicsError(
+                f"a cell of {cell_mm[0]:g} x {cell_mm[1]:g} mm would hold {count} bubbles of one kind; "
+                f"at most {COUNT_LIMIT} are drawn. Use a smaller cell."
+            )
         axis = np.asarray(kind.axis, float) / np.linalg.norm(kind.axis)
         long, again = _sizes(kind, count, float(axis[2]), high_mm - low_mm, 0.5 * min(cell_mm), rng)
         redrawn += again

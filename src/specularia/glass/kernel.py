@@ -408,8 +408,8 @@ def _path(
 ):  # fmt: skip
     """Follow one path from above (or below) the pane until it leaves it.
 
-    Returns where it ended (FRONT, BACK, ABSORBED or LOST), its direction, its weight, what was absorbed of it,
-    and its way in glass in um.
+    Returns where it ended (FRONT, BACK, ABSORBED or LOST), its direction, its weight, what was absorbed of
+    it, and its way in glass in um.
     """
     # scale[face]: pixels per um along x and y; mean plane; highest point of the relief above it and lowest
     # below it; sine of the steepest slope.
@@ -548,9 +548,9 @@ def trace_kernel(
         p = start + i
         replicate = p // per_replicate
         number = p - replicate * per_replicate
-        # Starts, azimuths and the first three decisions are points of one lattice, shifted as a whole by chance
-        # in each replicate. In place it runs in rows, each sheared by a step that never repeats: neighbours in
-        # number are neighbours in place, whose relief is still in the cache.
+        # Starts, azimuths and the first three decisions are points of one lattice, shifted as a whole by
+        # chance in each replicate. In place it runs in rows, each sheared by a step that never repeats:
+        # neighbours in number are neighbours in place, whose relief is still in the cache.
         shift = _mix(root + np.uint64(replicate + 1) * _MIX_1)
         key = _mix(root ^ (np.uint64(p + 1) * _MIX_2))
         count = np.uint64(number)
