@@ -206,7 +206,6 @@ def test_model_is_written_in_both_forms(tmp_path, command):
     [
         (),
         ("-o", "c.txt"),
-        ("--tau-only", "-o", "c.nc"),
         ("--tau-only", "--theta", "0,90"),
         ("--tau-only", "--theta", "a,b"),
         ("-o", "c.nc", "--paths", "0"),
@@ -224,3 +223,11 @@ def test_output_that_cannot_be_written_is_refused_before_tracing(tmp_path, comma
     assert code == 3
     assert "does not exist" in err
     assert command("glass", "trace", tmp_path / "none.toml", "--tau-only")[0] == 3
+
+
+def test_tau_only_says_that_it_writes_no_model(tmp_path, command):
+    (tmp_path / "glass.toml").write_text(FLAT)
+    words = ("--tau-only", "--theta", "0", "--paths", "1000", "-o", tmp_path / "c.nc", "--json")
+    code, out, err = command("glass", "trace", tmp_path / "glass.toml", *words)
+    assert code == 0 and out["theta_deg"] == [0.0]
+    assert "not written" in err and not (tmp_path / "c.nc").exists()

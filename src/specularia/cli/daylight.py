@@ -38,12 +38,12 @@ def run(
     models = _named_files(model or [])
     with session(quiet=quiet):
         from specularia import daylight
-        from specularia.files import make_folder, write_json
+        from specularia.files import write_json
 
         lit = daylight.run(
             room,
             models=models,
-            folder=make_folder(output),
+            folder=output,
             seed=seed,
             quality=daylight.FULL if full else None,
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Annotated
 
@@ -62,8 +63,6 @@ def trace(
 ) -> None:
     """Trace light through a pane: the geometry-based model (Model C), or its energy balance alone."""
     outputs = output or []
-    if tau_only and outputs:
-        raise typer.BadParameter("--tau-only writes no model; leave out one of the two", param_hint="-o")
     if not tau_only and not outputs:
         raise typer.BadParameter("name OUT.nc or OUT.xml, or ask for --tau-only", param_hint="-o")
     wrong = [p for p in outputs if p.suffix.lower() not in (".nc", ".xml")]
@@ -76,11 +75,16 @@ def trace(
         raise typer.BadParameter("a seed is not negative", param_hint="--seed")
     with session(quiet=quiet):
         from specularia import bsdf
-        from specularia.errors import OutputError
+        from specularia.errors import OutputError, SpeculariaWarning
         from specularia.glass import read_slab
         from specularia.glass import trace as balance_of
         from specularia.glass.model import traced_model
 
+        if tau_only and outputs:
+            warnings.warn(
+                f"--tau-only computes no model: {outputs[0]} is not written.", SpeculariaWarning, stacklevel=1
+            )
+            outputs = []
         for path in outputs:
             if not path.resolve().parent.is_dir():
                 raise OutputError(

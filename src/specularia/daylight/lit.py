@@ -210,7 +210,7 @@ def _image(
 ) -> Image:
     octree = scene.octree("picture", cell=0.28 / scene.sampling)
     luminance = render(
-        view, scene=scene, octree=octree, field=field, panes=panes, fineness=1.0 / np.sqrt(scene.sampling)
+        view, scene=scene, octree=octree, field=field, panes=panes, fineness=1.0 / scene.sampling
     )
     stem = file_name(f"{name}_{view.name}")
     hdr = write_hdr(folder / f"{stem}.hdr", luminance, view, what=f"specularia daylight, model {name}")

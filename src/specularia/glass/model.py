@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from specularia.bsdf.tabulated import SideTable, TabulatedModel, base_index
 from specularia.errors import PhysicsError
+from specularia.glass.merging import LARGEST_BLOCK, merge_sparse
 from specularia.glass.slab import Slab
 from specularia.glass.trace import (
     CHUNK,
@@ -79,8 +80,9 @@ def model(
 
     Returns
     -------
-    TabulatedModel : BSDF as means over cells, paths counted in each; `base_se` is the error of that counting,
-        where no path arrived that of a single one. `tau_se` comes from the spread of replicates.
+    TabulatedModel : BSDF as means over cells, merged where few paths arrived (see `merging`); `base_se` is
+        the error of counting, where no path arrived that of a single one in the largest block. `tau_se` comes
+        from the spread of replicates.
     """
     return traced_model(slab, paths=paths, seed=seed, wavelength_nm=wavelength_nm, theta_deg=theta_deg).model
 
@@ -216,38 +218,45 @@ class _Bins:
     def __init__(self, theta_deg: float) -> None:
         self.sine = float(np.sin(np.radians(theta_deg)))
         self.base = np.zeros(BASE_CELLS**2)
-        self.square = np.zeros(BASE_CELLS**2)
+        self.base_square = np.zeros(BASE_CELLS**2)
         self.patch = np.zeros(PATCH_CELLS**2)
+        self.patch_square = np.zeros(PATCH_CELLS**2)
         self.replicate = np.zeros(REPLICATES)
         self.heaviest = 0.0
 
     def add(self, paths: Paths, which: NDArray[np.bool_]) -> None:
         ux, uy, weight = paths.ux[which], paths.uy[which], paths.weight[which]
         a, b = base_index(ux, uy, BASE_CELLS)
-        self.base += np.bincount(a * BASE_CELLS + b, weight, BASE_CELLS**2)
-        self.square += np.bincount(a * BASE_CELLS + b, weight**2, BASE_CELLS**2)
+        cell = a * BASE_CELLS + b
+        self.base += np.bincount(cell, weight, BASE_CELLS**2)
+        self.base_square += np.bincount(cell, weight**2, BASE_CELLS**2)
         scale = PATCH_CELLS / (2.0 * HALF_WIDTH)
         x = np.floor((ux + self.sine + HALF_WIDTH) * scale).astype(np.intp)
         y = np.floor((uy + HALF_WIDTH) * scale).astype(np.intp)
         inside = (x >= 0) & (x < PATCH_CELLS) & (y >= 0) & (y < PATCH_CELLS)
-        self.patch += np.bincount((x * PATCH_CELLS + y)[inside], weight[inside], PATCH_CELLS**2)
+        cell = (x * PATCH_CELLS + y)[inside]
+        self.patch += np.bincount(cell, weight[inside], PATCH_CELLS**2)
+        self.patch_square += np.bincount(cell, weight[inside] ** 2, PATCH_CELLS**2)
         self.replicate += np.bincount(paths.replicate[which], weight, REPLICATES)
         self.heaviest = max(self.heaviest, float(weight.max(initial=0.0)))
 
     def done(self, each: int) -> _Distribution:
         """BSDF in 1/sr: weight over the projected solid angle of the cell, per path."""
         paths = each * REPLICATES
-        cell = np.pi / BASE_CELLS**2
-        # Where no path arrived the truth may still be that of a single one.
-        error = np.sqrt(np.maximum(self.square, self.heaviest**2)) / (paths * cell)
+        n, m = BASE_CELLS, PATCH_CELLS
         share, share_error = mean_and_error(self.replicate / each)
+        base, base_se = merge_sparse(
+            self.base.reshape(n, n), self.base_square.reshape(n, n), np.full((n, n), paths * np.pi / n**2)
+        )
+        # Where no path arrived the truth may still be that of a single one.
+        base_se = np.maximum(base_se, self.heaviest * n**2 / (paths * np.pi * LARGEST_BLOCK**2))
         # Cells cut by the horizon count with the part of them that directions can fall into.
-        area = _inside_disk(self.sine) * (2.0 * HALF_WIDTH / PATCH_CELLS) ** 2
-        patch = np.divide(self.patch, paths * area, out=np.zeros_like(area), where=area > 0.0)
+        area = _inside_disk(self.sine).reshape(m, m) * (2.0 * HALF_WIDTH / m) ** 2
+        patch, _ = merge_sparse(self.patch.reshape(m, m), self.patch_square.reshape(m, m), paths * area)
         return _Distribution(
-            base=(self.base / (paths * cell)).reshape(BASE_CELLS, BASE_CELLS).astype(np.float32),
-            base_se=error.reshape(BASE_CELLS, BASE_CELLS).astype(np.float32),
-            patch=patch.reshape(PATCH_CELLS, PATCH_CELLS).astype(np.float32),
+            base=base.astype(np.float32),
+            base_se=base_se.astype(np.float32),
+            patch=patch.astype(np.float32),
             share=float(share),
             error=float(share_error),
         )

@@ -23,15 +23,14 @@ def transmission_table(
 ) -> TableBlock:
     """The paper's Table 1: a row per source with its standard errors, then the ratios to the measurement.
 
-    An asterisk marks values beyond the last angle of a model's data.
+    Four decimals, errors rounded up. An asterisk marks values beyond the last angle of a model's data.
     """
 
     def cell(value: float, error: float, star: bool) -> str:
         if np.isnan(value):
             return "–"
-        # Four decimals, or as many (up to six) as the standard error needs for one digit of its own.
-        n = int(np.clip(np.ceil(-np.log10(error)), 4, 6)) if error > 0 else 4
-        shown = f"{value:.{n}f}" + (f" ± {error:.{n}f}" if error > 0 else "")
+        # The error is rounded up: a smaller one than the last digit shown would only widen the table.
+        shown = f"{value:.4f}" + (f" ± {np.ceil(error * 1e4) / 1e4:.4f}" if error > 0 else "")
         return shown + ("*" if star else "")
 
     rows: list[list[str]] = []
