@@ -175,7 +175,7 @@ def test_transmission_table_holds_values_errors_and_ratios():
     block = tables.transmission_table(table, "caption")
     assert block.header == ["τ (520 nm)", "0°", "85°"]
     assert block.rows == [
-        ["measured", "0.70000 ± 0.00003", "–"],
+        ["measured", "0.7000 ± 0.0001", "–"],
         ["Model C", "0.8600 ± 0.0010", "0.2500*"],
         ["clear slab", "0.9180", "0.5000"],
         ["Model C / measured", "1.2286 ± 0.0038", "–"],

@@ -30,7 +30,7 @@ def transmission_table(
         if np.isnan(value):
             return "–"
         # The error is rounded up: a smaller one than the last digit shown would only widen the table.
-        shown = f"{value:.4f}" + (f" ± {np.ceil(error * 1e4) / 1e4:.4f}" if error > 0 else "")
+        shown = f"{value:.4f}" + (f" ± {np.ceil(error * 1e4 - 1e-6) / 1e4:.4f}" if error > 0 else "")
         return shown + ("*" if star else "")
 
     rows: list[list[str]] = []
