@@ -21,6 +21,7 @@ __all__ = [
     "existing",
     "make_folder",
     "read_netcdf",
+    "writable",
     "write_json",
     "write_netcdf",
     "write_text",
@@ -49,17 +50,25 @@ def make_folder(path: str | Path) -> Path:
     return path
 
 
+def writable(path: str | Path) -> Path:
+    """The path, if a file can be written there; an OutputError if not. Ask before long work, not after it."""
+    path = Path(path)
+    if path.is_dir():
+        raise OutputError(f"{path}: is a folder; name a file to write.")
+    if not path.parent.is_dir():
+        raise OutputError(f"{path}: the folder {path.parent} does not exist. Make it first or name another.")
+    if not os.access(path.parent, os.W_OK):
+        raise OutputError(f"{path}: cannot write in the folder {path.parent}. Name another place.")
+    return path
+
+
 @contextmanager
 def atomic(path: str | Path) -> Iterator[Path]:
     """A temporary path beside `path`, renamed to it when the block ends well, removed when it does not.
 
     The temporary name keeps the suffix of `path`, since several writers choose a format by it.
     """
-    path = Path(path)
-    if path.is_dir():
-        raise OutputError(f"{path}: is a folder; name a file to write.")
-    if not path.parent.is_dir():
-        raise OutputError(f"{path}: the folder {path.parent} does not exist. Make it first or name another.")
+    path = writable(path)
     try:
         handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
         os.close(handle)

@@ -139,12 +139,13 @@ def slice_(
         import numpy as np
 
         from specularia import bsdf
-        from specularia.files import atomic
+        from specularia.files import atomic, writable
 
         if output.suffix != ".npz":
             raise typer.BadParameter(f"{output} does not end in .npz", param_hint="-o")
         if theta == 90.0:
             raise typer.BadParameter("90 degrees is light along the pane", param_hint="--theta")
+        writable(output)
         found = bsdf.transmitted_slice(bsdf.read(file, band=band), theta_deg=theta, phi_deg=phi, size=size)
         with atomic(output) as temporary:
             np.savez_compressed(temporary, ux=found.ux, uy=found.uy, bsdf=found.bsdf)
@@ -220,8 +221,10 @@ def view(
     """An interactive picture in one file that opens offline."""
     with session(quiet=quiet):
         from specularia import bsdf
+        from specularia.files import writable
         from specularia.report.viewer import write_view
 
+        writable(output)
         models = {file.stem: bsdf.read(file, band=band)}
         path = write_view(models, output, title=file.name, synthetic=_synthetic(models))
         emit({"path": str(path.resolve())}, as_json=as_json, lines=[str(path)])

@@ -75,7 +75,8 @@ def trace(
         raise typer.BadParameter("a seed is not negative", param_hint="--seed")
     with session(quiet=quiet):
         from specularia import bsdf
-        from specularia.errors import OutputError, SpeculariaWarning
+        from specularia.errors import SpeculariaWarning
+        from specularia.files import writable
         from specularia.glass import read_slab
         from specularia.glass import trace as balance_of
         from specularia.glass.model import traced_model
@@ -86,10 +87,7 @@ def trace(
             )
             outputs = []
         for path in outputs:
-            if not path.resolve().parent.is_dir():
-                raise OutputError(
-                    f"{path}: the folder {path.parent} does not exist. Make it or name another."
-                )
+            writable(path)
         slab = read_slab(glass, seed=seed)
         if tau_only:
             found = balance_of(

@@ -131,13 +131,10 @@ def fit(
         raise typer.BadParameter(f"{wrong[0]} must end in .nc or .xml", param_hint="-o")
     with session(quiet=quiet):
         from specularia import bsdf, gonio
-        from specularia.errors import OutputError
+        from specularia.files import writable
 
         for path in output:
-            if not path.resolve().parent.is_dir():
-                raise OutputError(
-                    f"{path}: the folder {path.parent} does not exist. Make it or name another."
-                )
+            writable(path)
         summaries = _summaries(files, quantity, side, wavelength)
         model = gonio.fit([s.table for s in summaries], summaries=summaries)
         results = {name: _side_result(model, name) for name in model.tables}

@@ -59,10 +59,12 @@ def heights(
     import json
 
     from specularia import surface
+    from specularia.files import writable
 
     if first_row not in (None, "bottom", "top"):
         raise typer.BadParameter("is 'bottom' or 'top'", param_hint="--first-row")
     with session(quiet=quiet):
+        writable(output)
         taken = surface.read_stack(stack, pitch_um=pitch, step_um=step, first_row=first_row)
         made = surface.heights(taken)
         surface.write(made, output)
@@ -96,8 +98,10 @@ def heal(
 ) -> None:
     """The surface without its deterioration: pits found and bridged from the plateaux around them."""
     from specularia import provenance, surface
+    from specularia.files import writable
 
     with session(quiet=quiet):
+        writable(output)
         given = surface.read(path, pitch_um=pitch, unit=unit)
         healed = surface.heal(given)
         source = provenance.record(
