@@ -70,7 +70,7 @@ def _carried(x, y, s, t, base, patch, half_width):  # type: ignore[no-untyped-de
     return _bilinear(base, a * n, b * n)
 
 
-@nb.njit(cache=True, error_model="numpy", nogil=True)
+@nb.njit(cache=True, error_model="numpy", parallel=True)
 def evaluate_points(s, x, y, nodes, base, patch, half_width, logarithmic):  # type: ignore[no-untyped-def]
     """Unscaled BSDF at K points.
 
@@ -83,7 +83,7 @@ def evaluate_points(s, x, y, nodes, base, patch, half_width, logarithmic):  # ty
     """
     out = np.empty(s.size)
     last = nodes.size - 1
-    for i in range(s.size):
+    for i in nb.prange(s.size):
         k = np.searchsorted(nodes, s[i], side="right") - 1
         if k < 0 or k >= last:
             j = 0 if k < 0 else last
