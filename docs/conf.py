@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import specularia
+from specularia.jobs import Job
 
 project = "specularia"
 author = "The specularia contributors"
@@ -36,12 +37,24 @@ napoleon_use_ivar = True
 def setup(app: Any) -> None:
     """Write the command reference before Sphinx looks for pages; take docstrings as they are meant."""
     app.connect("config-inited", lambda app, _: write_commands(Path(app.srcdir)))
-    app.connect("autodoc-process-docstring", plain_bars)
+    app.connect("autodoc-process-docstring", plain_text, priority=400)  # before napoleon
+    app.connect("autodoc-process-signature", no_signature_of_jobs)
 
 
-def plain_bars(app: Any, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
-    """Bars in docstrings mean absolute values, and a bracket may follow a name in backquotes."""
+def plain_text(app: Any, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
+    """Read docstrings as they are meant.
+
+    Bars are absolute values, a bracket may follow a name in backquotes, and a colon in the one sentence about
+    an attribute does not end a type.
+    """
     lines[:] = [re.sub(r"(`[^`]+`)(?=[\w(])", r"\1\\ ", line.replace("|", "\\|")) for line in lines]
+    if what in ("attribute", "data", "property"):
+        lines[:0] = ["..", ""]  # an empty comment, where napoleon looks for the type
+
+
+def no_signature_of_jobs(app: Any, what: str, name: str, thing: Any, *_: Any) -> tuple[str, None] | None:
+    """Tables of job files are shown by their keys; their signature would only repeat them."""
+    return ("", None) if what == "class" and issubclass(thing, Job) else None
 
 
 def write_commands(source: Path) -> None:

@@ -108,3 +108,16 @@ def test_progress_goes_to_stderr_only(capsys: pytest.CaptureFixture[str]) -> Non
         progress.show(False)
     out, err = capsys.readouterr()
     assert out == "" and "tracing" in err
+
+
+class Either(Job):
+    size: float | tuple[float, float]
+
+
+@pytest.mark.parametrize("value", ['"wide"', "[1.0]", '[1.0, "x"]'])
+def test_a_faulty_value_is_named_by_its_key_alone(tmp_path: Path, value: str) -> None:
+    (tmp_path / "pane.toml").write_text(f"size = {value}\n")
+    with pytest.raises(FormatError, match="line 1: expected") as caught:
+        load_toml(tmp_path / "pane.toml", Either)
+    assert "size" in str(caught.value)
+    assert not any(name in str(caught.value) for name in ("size.float", "size.tuple"))

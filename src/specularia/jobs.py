@@ -63,7 +63,7 @@ def parse_job(data: dict[str, Any], kind: type[J], *, file: Path, text: str = ""
     except ValidationError as error:
         # A misspelt key also makes the right one missing: the misspelling is the fault to name.
         first = min(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
-        where = [p for p in first["loc"] if isinstance(p, (str, int))]
+        where = _keys_in(data, first["loc"])
         key = ".".join(str(p) for p in where)
         names = [p for p in where if isinstance(p, str)]
         line = _line_of(names, text)
@@ -87,6 +87,19 @@ def parse_job(data: dict[str, Any], kind: type[J], *, file: Path, text: str = ""
             found=repr(first.get("input")),
             advice=more.strip(),
         ) from error
+
+
+def _keys_in(data: Any, place: tuple[int | str, ...]) -> list[int | str]:
+    """The parts of an error's place that are keys and positions in the file; names of types are left out."""
+    keys: list[int | str] = []
+    for k, part in enumerate(place):
+        if isinstance(data, list) and isinstance(part, int):
+            keys.append(part)
+            data = data[part] if part < len(data) else None
+        elif isinstance(data, dict) and (part in data or k == len(place) - 1):
+            keys.append(part)
+            data = data.get(part)
+    return keys
 
 
 def _line_of(names: list[str], text: str) -> int | None:

@@ -76,7 +76,20 @@ def test_every_option_of_every_command_is_explained() -> None:
     assert not silent
 
 
-@pytest.mark.parametrize("words", [("nonsense",), ("gonio", "nonsense"), ("bsdf", "tau"), ("demo", "--x")])
+WRONG = (
+    ("nonsense",),
+    ("gonio", "nonsense"),
+    ("bsdf", "tau"),
+    ("bsdf", "tau", "any.nc", "--theta", ""),
+    ("bsdf", "tau", "any.nc", "--theta", "0,nan"),
+    ("bsdf", "tau", "any.nc", "--phi", "nan"),
+    ("surface", "heights", "any.tif", "-o", "map.txt"),
+    ("surface", "heal", "any.nc", "-o", "map.txt"),
+    ("demo", "--x"),
+)
+
+
+@pytest.mark.parametrize("words", WRONG, ids=" ".join)
 def test_wrong_usage_is_exit_code_2(command: Command, words: tuple[str, ...]) -> None:
     code, out, err = command(*words)
     assert code == 2

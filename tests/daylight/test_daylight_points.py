@@ -132,7 +132,8 @@ def test_an_asymmetric_lobe_lands_where_the_conventions_say_and_no_mutant_does()
     truth = sun_patch(job, Lobe(12.0, shift=shift), points)
     bright = truth > 0.05 * truth.max()
     assert bright.sum() >= 4
-    assert got[bright] == pytest.approx(truth[bright], rel=0.02)
+    # Points on a flank: a sensor a millimetre above the floor would already be 0.5 % off.
+    assert got[bright] == pytest.approx(truth[bright], rel=0.002)
     for name, mutant in MUTANTS.items():
         wrong = sun_patch(job, mutant(shift), points)
         assert np.max(np.abs(wrong - truth)) > 0.5 * truth.max(), f"this test would not notice: {name}"

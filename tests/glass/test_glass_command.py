@@ -87,6 +87,17 @@ def test_every_key_of_a_glass_file_arrives_in_the_slab(folder):
     assert (kind.median_mm, kind.elongation, kind.axis) == (0.1, 2.0, (0.0, 1.0, 0.0))
 
 
+@pytest.mark.parametrize(
+    "spelling", ['absorption_per_mm = { spectrum = "colour.csv" }', 'spectrum = "colour.csv"']
+)
+def test_the_spectrum_may_be_named_in_either_place(folder, spelling):
+    path = folder / "flat.toml"
+    path.write_text(FLAT.replace("index = 1.52", spelling))
+    slab = read_slab(path)
+    assert slab.medium.absorption_at(550.0) == pytest.approx(0.07)
+    assert [p.name for p in slab.sources] == ["flat.toml", "colour.csv"]
+
+
 def test_spectrum_is_not_carried_on_beyond_its_data(folder):
     slab = read_slab(folder / "glass.toml")
     with pytest.raises(CoverageError, match="400 to 600 nm"):
@@ -109,6 +120,8 @@ def test_spectrum_is_not_carried_on_beyond_its_data(folder):
         ("[back]\nflat = true", '[back]\nheights = "none.nc"', None, "height map", "nothing"),
         ("[back]\nflat = true", "", None, "the key back", "none"),
         ("index = 1.52", 'absorption_per_mm = { spectrum = "none.csv" }', None, "spectrum", "nothing"),
+        ("index = 1.52", 'absorption_per_mm = 0.1\nspectrum = "s.csv"', 2, "not both", "s.csv"),
+        ("index = 1.52", 'absorption_per_mm = "s.csv"', 3, "medium.absorption_per_mm: input", "s.csv"),
         ("[back]", "[[bubbles]]\nper_cm3 = 3\n[back]", None, "either per_cm3 and diameter_mm", ""),
         ("[back]", '[[bubbles]]\nlist = "none.csv"\n[back]', None, "list of bubbles", "nothing"),
     ],
@@ -208,6 +221,8 @@ def test_model_is_written_in_both_forms(tmp_path, command):
         ("-o", "c.txt"),
         ("--tau-only", "--theta", "0,90"),
         ("--tau-only", "--theta", "a,b"),
+        ("--tau-only", "--theta", "nan"),
+        ("--tau-only", "--phi", "nan"),
         ("-o", "c.nc", "--paths", "0"),
         ("-o", "c.xml", "--resolution", "12"),
     ],

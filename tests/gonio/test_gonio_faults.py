@@ -116,7 +116,8 @@ def test_dsf_times_ten_is_refused_because_tau_exceeds_one(
 ) -> None:
     header, rows = table_text
     lines = [f"{r.rsplit(' ', 1)[0]} {10 * float(r.split()[2]):.6e}" for r in rows]
-    refused(command, save(header + lines), "tau of 1 at most", "6.7")
+    named = next(k for k, h in enumerate(header, 1) if h.startswith("#format"))
+    refused(command, save(header + lines), "tau of 1 at most", "6.7", line=named)
 
 
 def test_bsdf_labelled_dsf_is_refused_where_tau_exceeds_one(
@@ -341,6 +342,9 @@ def test_phi_i_of_0_and_180_are_turned_and_averaged(command: Any, measure: Any, 
     code, result, err = command("gonio", "fit", *files, "-o", out, "--json")
     assert code == 0
     assert "2 tables at theta_i = 40" in err and "phi_i = 0, 180" in err
+    assert "tables at phi_i = 0, 180 in one set" in err
+    assert "tables at phi_i = 0, 180 in one set" in command("gonio", "info", *files)[2]
+    assert "in one set" not in command("gonio", "info", *files[:2])[2]
     assert result["theta_deg"] == [0.0, 40.0, 60.0]
     assert result["measured"] == pytest.approx([0.697, 0.579, 0.41], rel=0.01)
     model = bsdf.read(out)

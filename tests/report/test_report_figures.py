@@ -165,6 +165,13 @@ def test_height_maps_and_micrographs_keep_the_data_and_their_missing_points(tmp_
     np.testing.assert_array_equal(np.load(path.with_suffix(".npz"))["image_0"], image)
 
 
+def test_micrographs_of_faces_seen_at_different_magnification_keep_their_own_scale(tmp_path):
+    images = {"front": np.eye(30), "back": np.eye(30)}
+    path = figures.micrographs(images, {"front": 1.5, "back": 0.75}, tmp_path / "micro.png")
+    numbers = np.load(path.with_suffix(".npz"))
+    assert (numbers["pitch_um_0"], numbers["pitch_um_1"]) == (1.5, 0.75)
+
+
 def luminance_image(model: str, values: np.ndarray) -> SimpleNamespace:
     return SimpleNamespace(model=model, name="view", luminance=values, pixels={"floor": (30.5, 40.5)})
 

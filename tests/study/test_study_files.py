@@ -215,7 +215,7 @@ def test_new_sorts_files_by_what_they_are_and_the_study_it_writes_is_right(
     ]
     code, out, _ = command("study", "new", tmp_path / "mine", table, other, stack, finds, noise, "--json")
     assert code == 0
-    assert Path(out["study"]) == tmp_path / "mine" / "study.toml"
+    assert Path(out["study"]) == tmp_path / "mine" / "STUDY.toml"
     assert out["unknown"] == [str(noise)]
     text = Path(out["study"]).read_text()
     data = tomllib.loads(text)
@@ -228,6 +228,16 @@ def test_new_sorts_files_by_what_they_are_and_the_study_it_writes_is_right(
     assert "EDIT" in text
     assert "notes.txt" in text
     assert study.read_job(out["study"]).gonio is not None
+
+
+def test_files_of_others_are_sorted_by_what_they_are(shared_data: Path) -> None:
+    kinds = {"gonio/eds10": "table", "surface": "map", "weather": None, "bsdf_xml": None, "spectral": None}
+    for folder, kind in kinds.items():
+        files = sorted((shared_data / folder).iterdir())
+        assert files
+        assert {p.name: kind_of(p) for p in files} == {p.name: kind for p in files}
+    assert kind_of(shared_data / "focus_stack") == "stack"
+    assert kind_of(shared_data / "focus_stack" / "expected.jpg") == "image"
 
 
 def test_new_without_files_leaves_a_template_and_never_overwrites(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from specularia.bsdf.build_tree import Built, build
 from specularia.bsdf.cells import Slice, cell_means, transmitted_slice
 from specularia.bsdf.check import Check, Program, check, programs
 from specularia.bsdf.compare import Comparison, Lobe, compare, lobe, write_csv
+from specularia.bsdf.convert import convert
 from specularia.bsdf.io import Written, direct_hemispherical, evaluate, read, write
 from specularia.bsdf.model import Quadrature, ScatteringModel
 from specularia.bsdf.sample import Sample, sample
@@ -31,6 +32,7 @@ __all__ = [
     "cell_means",
     "check",
     "compare",
+    "convert",
     "direct_hemispherical",
     "evaluate",
     "lobe",

@@ -103,7 +103,8 @@ def fill_cells(model: ScatteringModel, side: str, *, resolution: int) -> tuple[N
     tau = np.full(n // 2, np.nan)
     for k in range(n // 2):
         low, high = float(edges[k + 1]), float(edges[k])
-        tau[k] = bin_mean_tau(model, side, low=low, high=high)
+        # Towards grazing incidence tau bends within a bin.
+        tau[k] = bin_mean_tau(model, side, low=low, high=high, count=8 if high > 0.9 else 4)
         total, weight = np.zeros((n, n)), 0.0
         for theta, w in zip(*_angles(low, high, count)):
             for phi in azimuths:

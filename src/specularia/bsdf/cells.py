@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,8 @@ _FINEST = 16
 """At most this many points along the edge of a cell."""
 _POINTS_ACROSS = 128
 """Where nothing calls for more, points along the edge of the whole square; two a cell if it is coarse."""
+_KEPT = 512
+"""Up to so many points along the edge of the square their direction cosines are kept between calls."""
 
 
 def is_isotropic(model: ScatteringModel) -> bool:
@@ -29,6 +32,26 @@ def grid(n: int) -> tuple[Array, Array]:
     k = (np.arange(n) + 0.5) / n
     a, b = np.meshgrid(k, k, indexing="ij")
     return square_to_disk(a, b)
+
+
+def _points(
+    n: int, k: int, to_disk: Callable[[Array, Array], tuple[Array, Array]], cells: NDArray[np.intp]
+) -> tuple[Array, Array]:
+    """Direction cosines, each [cells, k, k], of k x k points in some of n x n cells."""
+    if to_disk is square_to_disk and cells.size * 4 > n * n and n * k <= _KEPT:
+        x, y = _all_points(n, k)
+        return (x, y) if cells.size == n * n else (x[cells], y[cells])
+    step = (np.arange(k) + 0.5) / k
+    a = ((cells // n)[:, None, None] + step[None, :, None]) / n
+    b = ((cells % n)[:, None, None] + step[None, None, :]) / n
+    return to_disk(*np.broadcast_arrays(a, b))
+
+
+@lru_cache(maxsize=4)
+def _all_points(n: int, k: int) -> tuple[Array, Array]:
+    x, y = (v.reshape(n, k, n, k).transpose(0, 2, 1, 3).reshape(n * n, k, k) for v in grid(n * k))
+    x.flags.writeable = y.flags.writeable = False
+    return x, y
 
 
 def _means(
@@ -48,10 +71,7 @@ def _means(
     out = np.empty(n * n)
     for k in np.unique(points):
         cells = np.flatnonzero(points == k)
-        step = (np.arange(k) + 0.5) / k
-        a = ((cells // n)[:, None, None] + step[None, :, None]) / n
-        b = ((cells % n)[:, None, None] + step[None, None, :]) / n
-        v = value(*to_disk(*np.broadcast_arrays(a, b)))
+        v = value(*_points(n, int(k), to_disk, cells))
         inside = np.isfinite(v)
         number = inside.sum(axis=(1, 2))
         total = np.where(inside, v, 0.0).sum(axis=(1, 2))

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from specularia.bsdf.cells import cell_means, grid, is_isotropic
+from specularia.bsdf.check_render import rendered
 from specularia.bsdf.compare import lobe
+from specularia.bsdf.finding import Check, Program
 from specularia.bsdf.model import Array, ScatteringModel
 from specularia.bsdf.tabulated import TabulatedModel
 from specularia.bsdf.xml_model import KlemsPart, TreePart, XmlModel, circle_sum
@@ -19,38 +19,18 @@ _ANGLES = np.array([0.0, 5.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 75.0, 80
 _TRANSMISSION = ("transmission_front", "transmission_back")
 
 
-@dataclass(frozen=True)
-class Check:
-    """One finding.
+def check(model: ScatteringModel, *, render: bool = False) -> list[Check]:
+    """All checks that apply to a model.
 
-    Attributes
+    Parameters
     ----------
-    name : of the check.
-    ok : whether the value keeps to the limit.
-    value, limit : the figure and what it is held against.
-    advice : one sentence: what it means and what to do.
+    model : any scattering model.
+    render : True to prove the transmission sides with rtrace as well, see `check_render.rendered`.
     """
-
-    name: str
-    ok: bool
-    value: float
-    limit: float
-    advice: str
-
-
-@dataclass(frozen=True)
-class Program:
-    """Whether a program, in one use, takes a file."""
-
-    name: str
-    takes: bool
-    why: str
-
-
-def check(model: ScatteringModel) -> list[Check]:
-    """All checks that apply to a model."""
     found = [_energy(model), _negative(model), *_sides(model), *_reciprocity(model), *_orientation(model)]
     found += [*_normal_incidence(model), *_sun_elsewhere(model), *_grazing(model), *_resolution(model)]
+    if render:
+        found += rendered(model, _transmission(model))
     return found
 
 
@@ -279,9 +259,20 @@ def _normal_incidence(model: ScatteringModel) -> list[Check]:
 
 def _sun_elsewhere(model: ScatteringModel) -> list[Check]:
     sun = _sun(model, np.linspace(10.0, 75.0, 45))
-    if sun is None:
+    near = _sun(model, np.linspace(1.0, 9.0, 33))
+    if sun is None or near is None:
         return []
     return [
+        Check(
+            "direct sun near the normal",
+            near <= 0.05,
+            near,
+            0.05,
+            "Direct sun at 1 to 9 degrees is rendered within this share."
+            if near <= 0.05
+            else "At some angles from 1 to 9 degrees direct sun is rendered wrong by this share: the lobe is "
+            "narrow against the rings of cells around the normal. A resolution one higher halves it.",
+        ),
         Check(
             "direct sun",
             sun <= 0.05,
@@ -291,7 +282,7 @@ def _sun_elsewhere(model: ScatteringModel) -> list[Check]:
             if sun <= 0.05
             else "At some angles from 10 to 75 degrees direct sun is rendered wrong by this share: the cells "
             "are wide against the lobe. A resolution one higher halves it.",
-        )
+        ),
     ]
 
 

@@ -109,16 +109,18 @@ def write(
     if name is not None:
         attributes["name"] = name
     parts: dict[str, Part]
+    more: dict[str, Mapping[str, Part]] = {}
     trees: dict[str, Built] = {}
     if isinstance(model, XmlModel) and resolution is None:
         parts = dict(model.parts)
-        if len(model.bands) > 1:
+        more = dict(model.all_bands)
+    else:
+        if isinstance(model, XmlModel) and len(model.bands) > 1:
             warnings.warn(
                 f"{path.name}: only the band {model.band} is written, out of {', '.join(model.bands)}.",
                 SpeculariaWarning,
                 stacklevel=2,
             )
-    else:
         trees = _build_all(model, path, resolution=6 if resolution is None else resolution, cull=cull)
         parts = {s: TreePart(t.tree) for s, t in trees.items()}
     origins = {s: _origin(model, s) for s in parts}
@@ -129,15 +131,19 @@ def write(
         attributes=attributes,
         origins=origins,
         geometry=getattr(model, "geometry", ""),
+        more=more,
     )
     write_text(path, text)
-    band = xml_write.band_in_file(model.band)
+    band = model.band if model.band in more else xml_write.band_in_file(model.band)
+    all_bands = {**more, band: parts}
     written = XmlModel(
         parts=parts,
         band=band,
         structure=xml_write.structure_of(parts),
-        bands=(band,),
+        bands=tuple(all_bands),
         attributes={**attributes, **origins},
+        geometry=getattr(model, "geometry", ""),
+        all_bands=all_bands,
     )
     return Written(path=path, model=written, trees=trees)
 

@@ -20,6 +20,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from specularia.bsdf._query_kernel import patch_numbers
 from specularia.bsdf.model import Array
 from specularia.errors import PhysicsError
 
@@ -68,13 +69,20 @@ class KlemsBasis:
 
     def index(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.int64]:
         """Patch that holds the direction with the direction cosines (x, y); its azimuth is atan2(y, x)."""
-        x, y = np.asarray(x, float), np.asarray(y, float)
-        theta = np.degrees(np.arcsin(np.minimum(np.hypot(x, y), 1.0)))
-        ring = np.clip(np.searchsorted(self.bounds_deg, theta, side="right") - 1, 0, len(self.phi_count) - 1)
-        count = np.asarray(self.phi_count)[ring]
-        azimuth = np.mod(np.arctan2(y, x) / (2 * np.pi), 1.0)
-        k = np.floor(azimuth * count + 0.5).astype(np.int64)
-        return self.first[ring] + np.where(k >= count, 0, k)
+        x, y = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
+        return np.asarray(patch_numbers(x.ravel(), y.ravel(), *self.arrays)).reshape(x.shape)
+
+    @cached_property
+    def arrays(self) -> tuple[Array, NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+        """The basis as compiled look-up takes it.
+
+        Squared sines at the edges of the rings, the ring at the lower end of each of 1024 equal steps of the
+        squared sine, patches in each ring, its first patch.
+        """
+        edges = np.sin(np.radians(np.asarray(self.bounds_deg))) ** 2
+        near = np.searchsorted(edges, np.arange(1025) / 1024, side="right") - 1
+        near = np.minimum(near, len(self.phi_count) - 1)
+        return edges, near.astype(np.int64), np.asarray(self.phi_count, np.int64), self.first
 
     @cached_property
     def opposite(self) -> NDArray[np.int64]:

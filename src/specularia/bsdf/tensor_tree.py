@@ -18,6 +18,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from specularia.bsdf._query_kernel import tree_positions
 from specularia.bsdf.model import Array
 
 __all__ = ["BRANCH", "TensorTree", "TreeSyntaxError"]
@@ -69,6 +70,13 @@ class TensorTree:
         return deepest
 
     @property
+    def arrays(
+        self,
+    ) -> tuple[int, NDArray[np.int8], NDArray[np.int64], NDArray[np.int32], NDArray[np.float32]]:
+        """Rank, log2, start, child and values, as the compiled look-up takes them."""
+        return self.rank, self.log2, self.start, self.child, self.values
+
+    @property
     def negative(self) -> int:
         """How many values are below zero (readers of such files take them as zero)."""
         return int(np.count_nonzero(self.values < 0))
@@ -110,7 +118,7 @@ class TensorTree:
 
     def lookup(self, position: Array) -> NDArray[np.float32]:
         """Values [K] at positions [K, rank]."""
-        return self.locate(position)[0]
+        return np.asarray(tree_positions(*self.arrays, np.atleast_2d(np.asarray(position, float))))
 
     def outgoing(self, incident: Array) -> tuple[Array, Array, Array, Array]:
         """All leaves of the outgoing square for one incident position.

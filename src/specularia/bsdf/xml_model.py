@@ -14,8 +14,9 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
+from specularia.bsdf._query_kernel import cell_values, klems_values, tree_cells, tree_values
 from specularia.bsdf.cells import grid
 from specularia.bsdf.klems import KlemsBasis
 from specularia.bsdf.model import Array, Quadrature
@@ -27,6 +28,8 @@ __all__ = ["KlemsPart", "Part", "TreePart", "XmlModel", "circle_sum"]
 
 _FTINY = 1e-6
 """Radiance keeps this distance from the middle of a rank-3 tree: normal incidence reads its lower half."""
+_MANY, _CELLS_LOG2 = 20_000, 24
+"""From this many values on a tree is read through a table of all its cells, if it has no more than 2^24."""
 
 
 class Part(Protocol):
@@ -38,8 +41,12 @@ class Part(Protocol):
     @property
     def negative(self) -> int: ...
 
-    def value(self, ix: Array, iy: Array, ux: Array, uy: Array) -> Array:
-        """BSDF in 1/sr between the incident direction cosines (ix, iy) and the outgoing ones, all [K]."""
+    def value(self, first: Array, second: Array, ux: Array, uy: Array, *, angles: bool = False) -> Array:
+        """BSDF in 1/sr between the incident direction cosines (first, second) and the outgoing ones, all [K].
+
+        With `angles` the incident directions are (theta, phi) in degrees. NaN where either direction lies
+        outside the unit disk, or theta outside [0, 90).
+        """
 
     def tau(self, ix: Array, iy: Array) -> Array:
         """Direct-hemispherical value for incident direction cosines [K]."""
@@ -69,9 +76,10 @@ class KlemsPart:
     def negative(self) -> int:
         return int(np.count_nonzero(self.matrix < 0))
 
-    def value(self, ix: Array, iy: Array, ux: Array, uy: Array) -> Array:
-        row, column = self.outgoing.index(-ux, uy), self.incident.index(ix, -iy)
-        return np.maximum(self.matrix[row, column], 0.0)
+    def value(self, first: Array, second: Array, ux: Array, uy: Array, *, angles: bool = False) -> Array:
+        matrix = np.ascontiguousarray(self.matrix, float)
+        bases = self.incident.arrays, self.outgoing.arrays
+        return np.asarray(klems_values(matrix, *bases, first, second, ux, uy, angles))
 
     def tau(self, ix: Array, iy: Array) -> Array:
         sums = self.outgoing.solid_angle @ np.maximum(self.matrix, 0.0)
@@ -116,8 +124,17 @@ class TreePart:
             return np.stack([(0.5 - _FTINY) - 0.5 * s, a, b], axis=-1)
         return np.stack([*disk_to_square(ix, -iy), *disk_to_square(-ux, uy)], axis=-1)
 
-    def value(self, ix: Array, iy: Array, ux: Array, uy: Array) -> Array:
-        return np.maximum(self.tree.lookup(self.position(ix, iy, ux, uy)), 0.0).astype(float)
+    @cached_property
+    def _cells(self) -> NDArray[np.float32]:
+        return np.asarray(tree_cells(*self.tree.arrays, self.tree.resolution))
+
+    def value(self, first: Array, second: Array, ux: Array, uy: Array, *, angles: bool = False) -> Array:
+        rank, resolution = self.tree.rank, self.tree.resolution
+        if ux.size >= _MANY and rank * resolution <= _CELLS_LOG2:
+            # Many values are worth a table of all cells, which is read at once instead of level by level.
+            table = (rank, resolution, self._cells)
+            return np.asarray(cell_values(*table, _FTINY, first, second, ux, uy, angles))
+        return np.asarray(tree_values(*self.tree.arrays, _FTINY, first, second, ux, uy, angles))
 
     def _incident(self, ix: float, iy: float) -> Array:
         zero = np.zeros(1)
@@ -159,7 +176,11 @@ class ReversedTree:
     def negative(self) -> int:
         return self.part.negative
 
-    def value(self, ix: Array, iy: Array, ux: Array, uy: Array) -> Array:
+    def value(self, first: Array, second: Array, ux: Array, uy: Array, *, angles: bool = False) -> Array:
+        ix, iy = first, second
+        if angles:
+            sine = np.where((first >= 0) & (first < 90), np.sin(np.radians(first)), np.nan)
+            ix, iy = sine * np.cos(np.radians(second)), sine * np.sin(np.radians(second))
         s = np.hypot(ix, iy)
         # On the normal itself one cell would stand for all azimuths; next to it all four around it do.
         return self.part.value(ux, uy, np.where(s == 0, 1e-9, ix), iy) * self._scale(s)
@@ -175,7 +196,7 @@ class ReversedTree:
 
     def _ring_mean(self, s: Array) -> Array:
         mean = self._rings[2]
-        return mean[np.minimum((s * mean.size).astype(int), mean.size - 1)]
+        return mean[np.minimum((np.nan_to_num(s) * mean.size).astype(int), mean.size - 1)]
 
     def _scale(self, s: Array) -> Array:
         if self.part.tree.rank == 4:
@@ -253,6 +274,7 @@ class XmlModel:
     structure : IncidentDataStructure of the file: Columns, Rows, TensorTree3 or TensorTree4.
     bands : all bands of the file.
     geometry : the file's Geometry element as text, empty where it has none.
+    all_bands : the sides of every band of the file, this one included.
     """
 
     parts: Mapping[str, Part]
@@ -261,6 +283,7 @@ class XmlModel:
     bands: tuple[str, ...]
     attributes: Mapping[str, str] = field(default_factory=dict)
     geometry: str = ""
+    all_bands: Mapping[str, Mapping[str, Part]] = field(default_factory=dict)
 
     @property
     def sides(self) -> tuple[str, ...]:
@@ -302,17 +325,10 @@ class XmlModel:
     ) -> Array:
         """BSDF in 1/sr; arguments broadcast; NaN outside the unit disk or for theta_i outside [0, 90)."""
         part = self._part(side)
-        theta, phi, x, y = np.broadcast_arrays(
-            np.asarray(theta_i_deg, float),
-            np.radians(phi_i_deg),
-            np.asarray(ux, float),
-            np.asarray(uy, float),
-        )
-        good = (theta >= 0) & (theta < 90) & (x * x + y * y <= 1.0)
-        out = np.full(theta.shape, np.nan)
-        s = np.sin(np.radians(theta[good]))
-        out[good] = part.value(s * np.cos(phi[good]), s * np.sin(phi[good]), x[good], y[good])
-        return out
+        arguments = (np.asarray(v, float) for v in (theta_i_deg, phi_i_deg, ux, uy))
+        theta, phi, x, y = np.broadcast_arrays(*arguments)
+        value = part.value(theta.ravel(), phi.ravel(), x.ravel(), y.ravel(), angles=True)
+        return value.reshape(theta.shape)
 
     def direct_hemispherical(self, side: str, theta_i_deg: ArrayLike, phi_i_deg: ArrayLike = 0.0) -> Array:
         """Direct-hemispherical transmission or reflection; NaN for theta_i outside [0, 90)."""
@@ -329,17 +345,27 @@ class XmlModel:
         s, phi = np.sin(np.radians(theta_i_deg)), np.radians(phi_i_deg)
         return self._part(side).quadrature(float(s * np.cos(phi)), float(s * np.sin(phi)))
 
+    @cached_property
+    def _answering(self) -> dict[str, Part]:
+        """The parts that answer for each side, those by reciprocity included."""
+        out: dict[str, Part] = {}
+        for side in self.sides:
+            other = self.parts.get(_opposite(side))
+            if side in self.parts:
+                out[side] = self.parts[side]
+            elif isinstance(other, KlemsPart):
+                out[side] = other.reversed()
+            elif isinstance(other, TreePart):
+                out[side] = ReversedTree(other)
+        return out
+
     def _part(self, side: str) -> Part:
-        if side in self.parts:
-            return self.parts[side]
-        other = self.parts.get(_opposite(side))
-        if isinstance(other, KlemsPart):
-            return other.reversed()
-        if isinstance(other, TreePart):
-            return ReversedTree(other)
-        raise CoverageError(
-            f"no {side.replace('_', ' ')} in the band {self.band} of this file, only {', '.join(self.sides)}."
-        )
+        if side not in self._answering:
+            raise CoverageError(
+                f"no {side.replace('_', ' ')} in the band {self.band} of this file, "
+                f"only {', '.join(self.sides)}."
+            )
+        return self._answering[side]
 
 
 def _opposite(side: str) -> str:

@@ -43,6 +43,10 @@ _MILLIMETRES = {
     "foot": 304.8,
     "ft": 304.8,
 }
+_HIGHEST = 1e10
+"""BSDF in 1/sr that no surface reaches: all light within a ten-thousandth of a degree."""
+_FINEST = 12
+"""log2 of the finest cells along an edge of a tree that is read."""
 _NOTE = re.compile(rb"<!-- specularia\n(.*?)\n-->", re.DOTALL)
 
 
@@ -172,10 +176,17 @@ class _Reader:
                 structure=structure,
                 bands=tuple(parts),
                 attributes=attributes,
-                geometry="" if geometry is None else _plain(geometry),
+                geometry=self._geometry(geometry),
+                all_bands=parts,
             )
             for band, sides in parts.items()
         }
+
+    def _geometry(self, element: Element | None) -> str:
+        try:
+            return "" if element is None else _plain(element)
+        except RecursionError as error:
+            raise self._fault("a Geometry element", "one that is nested without end") from error
 
     def _attributes(self, material: Element | None) -> dict[str, str]:
         out = {"name": _text(material, "Name"), "manufacturer": _text(material, "Manufacturer")}
@@ -220,7 +231,7 @@ class _Reader:
                 count = int(_text(block, "nPhis"))
             except ValueError as error:
                 raise self._fault(f"numbers in the angle basis {name!r}", str(error)) from error
-            if abs(low - bounds[-1]) > 1e-4 and low != -high:
+            if not (abs(low - bounds[-1]) <= 1e-4 or low == -high) or not np.isfinite(high):
                 raise self._fault(f"rings of the angle basis {name!r} that join", f"{low} after {bounds[-1]}")
             bounds.append(high)
             counts.append(count)
@@ -246,7 +257,18 @@ class _Reader:
                     continue
                 if element is None or not (element.text or "").strip():
                     raise self._fault(f"ScatteringData for {direction}", "none", line)
+                if len(element):
+                    raise self._fault(
+                        "numbers only in ScatteringData", f"an element {_local(element[0])}", line
+                    )
                 sides = out.setdefault(band, {})
+                if side in sides:
+                    raise self._fault(
+                        f"{direction} once in the band {band}",
+                        "it a second time",
+                        line,
+                        "Remove one of them.",
+                    )
                 sides[side] = (
                     self._tree(element.text or "", int(structure[-1]), line)
                     if structure.startswith("TensorTree")
@@ -260,6 +282,11 @@ class _Reader:
                 SpeculariaWarning,
                 stacklevel=2,
             )
+        if len({frozenset(sides) for sides in out.values()}) > 1:
+            held = "; ".join(f"{b}: {', '.join(s)}" for b, s in out.items())
+            warnings.warn(
+                f"{self.path}: the bands hold different sides ({held}).", SpeculariaWarning, stacklevel=2
+            )
         negative = sum(p.negative for sides in out.values() for p in sides.values())
         if negative:
             warnings.warn(
@@ -270,11 +297,17 @@ class _Reader:
         return out
 
     def _tree(self, text: str, rank: int, line: int | None) -> TreePart:
+        self._plain_numbers(text, line)
         try:
-            return TreePart(TensorTree.from_text(text, rank))
+            with np.errstate(over="ignore"):
+                tree = TensorTree.from_text(text, rank)
         except TreeSyntaxError as error:
             where = None if line is None else line + error.line - 1
             raise self._fault(error.expected, error.found, where) from error
+        if tree.resolution > _FINEST:
+            raise self._fault(f"cells of 2^-{_FINEST} at least", f"2^-{tree.resolution}", line)
+        self._possible(tree.values, line)
+        return TreePart(tree)
 
     def _matrix(
         self, text: str, block: Element, structure: str, own: list[KlemsBasis], line: int | None
@@ -303,7 +336,20 @@ class _Reader:
             matrix=values.reshape(columns.patches, rows.patches).T, incident=columns, outgoing=rows
         )
 
+    def _plain_numbers(self, text: str, line: int | None) -> None:
+        """Refuse what Python takes for a number and Radiance does not: 1_000, or digits of other scripts."""
+        if text.isascii() and "_" not in text:
+            return
+        bad = next(k for k, c in enumerate(text) if c == "_" or not c.isascii())
+        where = None if line is None else line + text.count("\n", 0, bad)
+        raise self._fault("numbers", repr(text[max(bad - 8, 0) : bad + 8].strip()), where)
+
+    def _possible(self, values: Any, line: int | None) -> None:
+        if values.size and np.abs(values).max() > _HIGHEST:
+            raise self._fault(f"a BSDF below {_HIGHEST:g} per steradian", f"{np.abs(values).max():g}", line)
+
     def _numbers(self, text: str, line: int | None) -> Any:
+        self._plain_numbers(text, line)
         words = re.sub(r"[,;]", " ", text).split()
         try:
             values = np.array(words, dtype=float)
@@ -313,6 +359,7 @@ class _Reader:
             raise self._fault("numbers", repr(bad[:20]), where) from None
         if not np.all(np.isfinite(values)):
             raise self._fault("finite numbers", "nan or infinity", line)
+        self._possible(values, line)
         return values
 
 

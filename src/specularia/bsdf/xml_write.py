@@ -53,8 +53,9 @@ def document(
     attributes: Mapping[str, str] | None = None,
     origins: Mapping[str, str] | None = None,
     geometry: str = "",
+    more: Mapping[str, Mapping[str, Part]] | None = None,
 ) -> str:
-    """The text of an XML file with one band.
+    """The text of an XML file.
 
     Parameters
     ----------
@@ -64,6 +65,8 @@ def document(
         as provenance, stands as "key: value" lines in a comment at the top.
     origins : for each side, where its numbers come from; goes into the comment.
     geometry : a Geometry element as text, where there is one.
+    more : the sides of further bands, by the name that each has in the file, in their order there; where this
+        band is among them it stands in its place and keeps its name.
     """
     material = dict(attributes or {})
     origins = origins or {}
@@ -72,14 +75,12 @@ def document(
     lengths = {k: material.pop(f"{k.lower()}_mm") for k in LENGTHS if f"{k.lower()}_mm" in material}
     for own in ("band", "measured_band", *SIDES):
         material.pop(own, None)
-    structure = structure_of(parts)
-    written = band_in_file(band)
+    written = band if band in (more or {}) else band_in_file(band)
+    bands = {**(more or {}), written: parts}
+    everything = [p for sides in bands.values() for p in sides.values()]
+    structure = structure_of(dict(zip(map(str, range(len(everything))), everything)))
     notes = {"band": band, **material, **{s: origins[s] for s in SIDES if s in origins}}
     comment = "\n".join(f"{k}: {' '.join(str(v).split())}" for k, v in notes.items())
-    if band.casefold() == "visible":
-        source, detector = "CIE Illuminant D65 1nm.ssp", "ASTM E308 1931 Y.dsp"
-    else:
-        source, detector = (f"{band} (written as Visible)" if written == "Visible" else band), "none"
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',
         # Two hyphens in a row may not stand in an XML comment.
@@ -98,26 +99,37 @@ def document(
     lines += [f'<{key} unit="millimeter">{value}</{key}>' for key, value in lengths.items()]
     lines += ["</Material>", geometry or "<Geometry></Geometry>"]
     lines += ["<DataDefinition>", f"<IncidentDataStructure>{structure}</IncidentDataStructure>"]
-    bases = {b.name: b for p in parts.values() if isinstance(p, KlemsPart) for b in (p.incident, p.outgoing)}
+    bases = {b.name: b for p in everything if isinstance(p, KlemsPart) for b in (p.incident, p.outgoing)}
     for basis in bases.values():
         lines += _basis_lines(basis)
     lines += ["</DataDefinition>"]
-    for side in SIDES:
-        if side in parts:
-            lines += [
-                "<WavelengthData>",
-                "<LayerNumber>System</LayerNumber>",
-                f'<Wavelength unit="Integral">{written}</Wavelength>',
-                f"<SourceSpectrum>{escape(source)}</SourceSpectrum>",
-                f"<DetectorSpectrum>{detector}</DetectorSpectrum>",
-                "<WavelengthDataBlock>",
-                f"<WavelengthDataDirection>{DIRECTIONS[side]}</WavelengthDataDirection>",
-                *_data_lines(parts[side], side),
-                "</WavelengthDataBlock>",
-                "</WavelengthData>",
-            ]
+    for name_of_band, sides in bands.items():
+        measured = band if name_of_band == written else name_of_band
+        for side in SIDES:
+            if side in sides:
+                lines += _side_lines(sides[side], side, written=name_of_band, measured=measured)
     lines += ["</Layer>", "</Optical>", "</WindowElement>", ""]
     return "\n".join(lines)
+
+
+def _side_lines(part: Part, side: str, *, written: str, measured: str) -> list[str]:
+    if measured.casefold() == "visible":
+        source, detector = "CIE Illuminant D65 1nm.ssp", "ASTM E308 1931 Y.dsp"
+    else:
+        renamed = measured.casefold() != written.casefold()
+        source, detector = (f"{measured} (written as {written})" if renamed else measured), "none"
+    return [
+        "<WavelengthData>",
+        "<LayerNumber>System</LayerNumber>",
+        f'<Wavelength unit="Integral">{escape(written)}</Wavelength>',
+        f"<SourceSpectrum>{escape(source)}</SourceSpectrum>",
+        f"<DetectorSpectrum>{detector}</DetectorSpectrum>",
+        "<WavelengthDataBlock>",
+        f"<WavelengthDataDirection>{DIRECTIONS[side]}</WavelengthDataDirection>",
+        *_data_lines(part, side),
+        "</WavelengthDataBlock>",
+        "</WavelengthData>",
+    ]
 
 
 def _basis_lines(basis: KlemsBasis) -> list[str]:
@@ -126,9 +138,10 @@ def _basis_lines(basis: KlemsBasis) -> list[str]:
         centre = 0.0 if low == 0 and count == 1 else 0.5 * (low + high)
         lines += [
             "<AngleBasisBlock>",
-            f"<Theta>{centre:g}</Theta>",
+            f"<Theta>{centre:.10g}</Theta>",
             f"<nPhis>{count}</nPhis>",
-            f"<ThetaBounds><LowerTheta>{low:g}</LowerTheta><UpperTheta>{high:g}</UpperTheta></ThetaBounds>",
+            f"<ThetaBounds><LowerTheta>{low:.10g}</LowerTheta>"
+            f"<UpperTheta>{high:.10g}</UpperTheta></ThetaBounds>",
             "</AngleBasisBlock>",
         ]
     return [*lines, "</AngleBasis>"]

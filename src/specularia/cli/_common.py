@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
@@ -63,10 +64,11 @@ def table(header: Sequence[str], rows: Sequence[Sequence[Any]]) -> list[str]:
 
 
 def numbers(text: str, *, option: str) -> list[float]:
-    """Numbers separated by commas, as in --theta 0,20,40."""
+    """Numbers separated by commas, as in --theta 0,20,40; finite, and at least one."""
     try:
-        return [float(part) for part in text.split(",") if part.strip()]
-    except ValueError as error:
-        raise typer.BadParameter(
-            f"{text!r} is not a list of numbers like 0,20,40", param_hint=option
-        ) from error
+        found = [float(part) for part in text.split(",") if part.strip()]
+    except ValueError:
+        found = []
+    if not found or not all(math.isfinite(x) for x in found):
+        raise typer.BadParameter(f"{text!r} is not a list of numbers like 0,20,40", param_hint=option)
+    return found

@@ -25,7 +25,9 @@ Band = Annotated[
     str | None,
     typer.Option("--band", help="Band of an .xml with several: Visible (default), Solar, CIE-X, CIE-Z."),
 ]
-Phi = Annotated[float, typer.Option("--phi", help="Azimuth of the incident direction, degrees.")]
+Phi = Annotated[
+    float, typer.Option("--phi", min=-360.0, max=360.0, help="Azimuth of the incident direction, degrees.")
+]
 
 
 class SideName(StrEnum):
@@ -102,11 +104,11 @@ def tau(
     quiet: Quiet = False,
 ) -> None:
     """Direct-hemispherical transmission and reflection; null (a dash) outside the data."""
+    angles = numbers(theta, option="--theta")
     with session(quiet=quiet):
         from specularia import bsdf
 
         model = bsdf.read(file, band=band)
-        angles = numbers(theta, option="--theta")
         values = {s: model.direct_hemispherical(s, angles, phi).tolist() for s in model.sides}
         payload = {
             "file": str(file),
@@ -176,6 +178,7 @@ def compare(
     quiet: Quiet = False,
 ) -> None:
     """Two models side by side: a table, and figures of their distributions on one scale."""
+    angles = numbers(theta, option="--theta") if theta else None
     with session(quiet=quiet):
         from dataclasses import asdict, fields
 
@@ -184,7 +187,6 @@ def compare(
         from specularia.report import figures
 
         models = {"A": bsdf.read(a), "B": bsdf.read(b)}
-        angles = numbers(theta, option="--theta") if theta else None
         rows = bsdf.compare(*models.values(), theta_deg=angles, phi_deg=phi, side=side.value)
         folder = make_folder(output)
         files = [bsdf.write_csv(rows, folder / "compare.csv")]
@@ -208,6 +210,75 @@ def compare(
         }
         lines = table(columns, [[getattr(r, c) for c in columns] for r in rows])
         emit(payload, as_json=as_json, lines=[*lines, f"{folder}: {', '.join(f.name for f in files)}"])
+
+
+class BasisName(StrEnum):
+    """What a model can be converted to."""
+
+    klems_full = "klems-full"
+    klems_half = "klems-half"
+    klems_quarter = "klems-quarter"
+    tensor3 = "tensor3"
+    tensor4 = "tensor4"
+
+
+@app.command()
+def convert(
+    file: File,
+    output: Annotated[Path, typer.Option("-o", "--output", help="The .xml file to write.")],
+    basis: Annotated[
+        BasisName | None, typer.Option("--basis", help="The file's own unless given; tensor3 for .nc.")
+    ] = None,
+    resolution: Annotated[
+        int | None, typer.Option("--resolution", min=2, max=9, help="2^g cells along an edge of a tree.")
+    ] = None,
+    cull: Annotated[
+        float | None, typer.Option("--cull", min=0.0, max=99.9, help="Cells of a tensor3 to remove, percent.")
+    ] = None,
+    flip: Annotated[
+        bool, typer.Option("--flip", help="Turn the sample over about its y axis: front becomes back.")
+    ] = False,
+    rotate: Annotated[
+        float, typer.Option("--rotate", help="Turn it about its normal, degrees, seen from the front.")
+    ] = 0.0,
+    isotropic: Annotated[bool, typer.Option("--isotropic", help="Average it over all azimuths.")] = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """A file in another basis, resolution or position, with its transmission and reflection kept."""
+    with session(quiet=quiet):
+        from specularia import bsdf
+        from specularia.files import writable
+
+        if output.suffix != ".xml":
+            raise typer.BadParameter(f"{output} does not end in .xml", param_hint="-o")
+        writable(output)
+        converted = bsdf.convert(
+            bsdf.read(file),
+            basis=None if basis is None else basis.value,
+            resolution=resolution,
+            cull=cull,
+            flip=flip,
+            rotate_deg=rotate,
+            isotropic=isotropic,
+        )
+        path = bsdf.write(converted, output).path
+        angles = [0.0, 20.0, 40.0, 60.0, 75.0]
+        tau = {s: converted.direct_hemispherical(s, angles).tolist() for s in converted.sides}
+        payload = {
+            "path": str(path.resolve()),
+            "basis": converted.basis,
+            "rank": converted.rank,
+            "resolution": converted.resolution,
+            "bands": list(converted.bands),
+            "sides": list(converted.parts),
+            "theta_deg": angles,
+            "tau": tau,
+        }
+        rows = [[t, *(tau[s][k] for s in tau)] for k, t in enumerate(angles)]
+        head = f"{path}: {converted.basis}" + (f", rank {converted.rank}" if converted.rank else "")
+        head += f", resolution 2^{converted.resolution}" if converted.resolution else ""
+        emit(payload, as_json=as_json, lines=[head, *table(["theta_i_deg", *tau], rows)])
 
 
 @app.command()

@@ -40,7 +40,13 @@ def trace(
         str, typer.Option("--theta", help="With --tau-only: incident angles in degrees, A,B,...")
     ] = "0,20,40,60,82.5",
     phi: Annotated[
-        float, typer.Option("--phi", help="With --tau-only: incident azimuth in degrees, not averaged over.")
+        float,
+        typer.Option(
+            "--phi",
+            min=-360.0,
+            max=360.0,
+            help="With --tau-only: incident azimuth in degrees, not averaged over.",
+        ),
     ] = 0.0,
     wavelength: Annotated[
         float, typer.Option("--wavelength", min=200.0, max=20000.0, help="In nm, for index and absorption.")
@@ -69,7 +75,7 @@ def trace(
     if wrong:
         raise typer.BadParameter(f"{wrong[0]} must end in .nc or .xml", param_hint="-o")
     angles = numbers(theta, option="--theta")
-    if tau_only and not (angles and all(0.0 <= t < 90.0 for t in angles)):
+    if tau_only and not all(0.0 <= t < 90.0 for t in angles):
         raise typer.BadParameter("angles in 0 <= theta < 90 degrees are wanted", param_hint="--theta")
     if seed < 0:
         raise typer.BadParameter("a seed is not negative", param_hint="--seed")

@@ -13,7 +13,18 @@ app = typer.Typer(no_args_is_help=True, help="Height maps: what they hold, from 
 
 SURFACE_FILE = "A surface file: .plu, .al3d, .sur, .x3p, .opd, .nms, .sdf, .nc, .npy, .csv and others."
 Map = Annotated[Path, typer.Argument(metavar="MAP", help=SURFACE_FILE)]
-Output = Annotated[Path, typer.Option("-o", "--output", metavar="MAP.nc", help="The height map to write.")]
+
+
+def _netcdf(path: Path) -> Path:
+    if path.suffix.lower() != ".nc":
+        raise typer.BadParameter(f"{path} must end in .nc")
+    return path
+
+
+Output = Annotated[
+    Path,
+    typer.Option("-o", "--output", metavar="MAP.nc", callback=_netcdf, help="The height map to write."),
+]
 Unit = Annotated[str | None, typer.Option("--unit", help="Unit of a file that names none: m, mm, um or nm.")]
 Pitch = Annotated[float | None, typer.Option("--pitch", help="Pixel size in um, for a file that holds none.")]
 

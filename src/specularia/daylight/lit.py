@@ -208,7 +208,9 @@ def _image(
     folder: Path,
     provenance: Mapping[str, str],
 ) -> Image:
-    octree = scene.octree("picture", cell=0.28 / scene.sampling)
+    # Radiance divides a source into 64 parts at most: larger pieces would show the needle of light that
+    # smooth patches of the glass let through as a row of separate images.
+    octree = scene.octree("picture", cell=0.1)
     luminance = render(
         view, scene=scene, octree=octree, field=field, panes=panes, fineness=1.0 / scene.sampling
     )

@@ -5,7 +5,8 @@ thickness_mm = 3.0            # between the mean planes of the faces
 
 [medium]
 index = 1.52                  # or { sellmeier = [B1, B2, B3, C1, C2, C3] }, C in um^2
-absorption_per_mm = 0.07      # Napierian; or { spectrum = "file.csv" }: wavelength in nm, 1/mm
+absorption_per_mm = 0.07      # Napierian; or { spectrum = "file.csv" }: wavelength in nm, 1/mm;
+                              # or in its place the key spectrum = "file.csv"
 
 [front]
 heights = "front.nc"          # any supported surface file; or flat = true
@@ -86,6 +87,21 @@ class MediumJob(Job):
     """Refractive index against air, between 1 and 5, or Sellmeier coefficients."""
     absorption_per_mm: Absorption = 0.0
     """Napierian absorption, transmittance exp(-a * path), or a spectrum of it."""
+    spectrum: FilePath | None = None
+    """The spectrum of the absorption, in place of absorption_per_mm."""
+
+    @model_validator(mode="after")
+    def _one_absorption(self) -> Self:
+        if self.spectrum is not None and "absorption_per_mm" in self.model_fields_set:
+            raise ValueError("absorption_per_mm or spectrum, not both")
+        return self
+
+    @property
+    def spectrum_file(self) -> Path | None:
+        """The file of the absorption spectrum, however it is named; None for a number."""
+        if isinstance(self.absorption_per_mm, AbsorptionSpectrum):
+            return self.absorption_per_mm.spectrum
+        return self.spectrum
 
 
 class FaceJob(Job):
@@ -191,10 +207,11 @@ def read_slab(path: str | Path, *, seed: int = 0) -> Slab:
         synthetic = synthetic or "synthetic" in height_map.attributes
         faces[name] = _checked(path, Face.from_map, height_map, tiling=face.tiling, name=face.heights.name)
     absorption: float | Spectrum
-    if isinstance(job.medium.absorption_per_mm, AbsorptionSpectrum):
-        sources.append(job.medium.absorption_per_mm.spectrum)
-        absorption = Spectrum.read_csv(job.medium.absorption_per_mm.spectrum)
-    else:
+    spectrum_file = job.medium.spectrum_file
+    if spectrum_file is not None:
+        sources.append(spectrum_file)
+        absorption = Spectrum.read_csv(spectrum_file)
+    elif not isinstance(job.medium.absorption_per_mm, AbsorptionSpectrum):
         absorption = job.medium.absorption_per_mm
     index = job.medium.index
     lists = [read_bubbles(b.list) for b in job.bubbles if b.list is not None]

@@ -103,9 +103,8 @@ def _side(summaries: Sequence[Summary]) -> SideTable:
             azimuths = ", ".join(f"{s.table.phi_i_deg:g}" for s in group)
             apart = max(s.tau for s in group) - min(s.tau for s in group)
             _warn(
-                f"{side}: {len(group)} tables at theta_i = {theta[k]:g} (phi_i = {azimuths}), each turned by "
-                "its own azimuth and averaged, as for an isotropic sample; their integrals differ by "
-                f"{apart:.4f}."
+                f"{side}: {len(group)} tables at theta_i = {theta[k]:g} (phi_i = {azimuths}) are averaged; "
+                f"their integrals differ by {apart:.4f}."
             )
         for s in group:
             base[k] += _base_cells(s.distribution) / len(group)

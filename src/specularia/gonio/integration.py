@@ -123,6 +123,7 @@ def _checked(table: Table) -> Distribution:
         hint = f"; as {other} it would be {alternative:.4g}" if alternative <= 1.0 else ""
         raise FormatError(
             file=table.file or table.label,
+            line=table.quantity_line,
             expected=f"{symbol} of 1 at most",
             found=f"{symbol} = {found.integral:.4g} at theta_i = {table.theta_i_deg:g}{hint}",
             advice="Check the scale of the values and whether they are DSF or BSDF (--quantity).",
@@ -130,6 +131,7 @@ def _checked(table: Table) -> Distribution:
     if table.stated_integral is not None and integral_shows(table, found) == other:
         raise FormatError(
             file=table.file or table.label,
+            line=table.quantity_line,
             expected=f"{table.quantity} with the header's front_integral, {table.stated_integral:.4g}",
             found=f"{found.integral:.4g}, while the values are {other} by that integral",
             advice=f"Say --quantity {other}, or mend the header.",
@@ -154,20 +156,28 @@ def integral_shows(table: Table, found: Distribution | None = None) -> str | Non
 
 
 def check_set(summaries: Sequence[Summary]) -> list[str]:
-    """Notes on a set of tables of one side: transmission that rises with theta_i.
+    """Notes on a set of tables of one side: several incident azimuths, tau that rises with theta_i.
 
     Transmission through a pane falls as the light gets oblique; BSDF read as DSF lack the cosine and rise.
     """
+    notes = []
+    azimuths = sorted({round(s.table.phi_i_deg % 360.0, 2) % 360.0 for s in summaries})
+    if len(azimuths) > 1:
+        notes.append(
+            f"tables at phi_i = {', '.join(f'{a:g}' for a in azimuths)} in one set; a model turns each by "
+            "its own azimuth, as for an isotropic sample"
+        )
     ordered = sorted(summaries, key=lambda s: s.table.polar_deg)
     for one, two in pairwise(ordered):
         margin = max(0.03 * one.tau, 3.0 * np.hypot(one.tau_se, two.tau_se))
         if one.table.kind == "transmission" and two.tau > one.tau + margin:
-            return [
+            notes.append(
                 f"tau rises from {one.tau:.3f} at theta_i = {one.table.polar_deg:g} to {two.tau:.3f} at "
                 f"{two.table.polar_deg:g}; for a pane it should fall. If these {one.table.quantity} are "
                 f"{'BSDF' if one.table.quantity == 'DSF' else 'DSF'}, say --quantity"
-            ]
-    return []
+            )
+            break
+    return notes
 
 
 def _notes(table: Table, found: Distribution) -> list[str]:

@@ -32,10 +32,11 @@ def looks_right(head: bytes) -> bool:
 
 @dataclass
 class _Header:
-    """Header values with the lines they stand on."""
+    """Header values with the lines they stand on, and the line that follows the header."""
 
     file: str
     entries: dict[str, tuple[int, str]] = field(default_factory=dict)
+    end: int = 1
 
     def numbers(self, key: str, count: int) -> list[float] | None:
         """The first `count` numbers after a key; None where the key is missing."""
@@ -109,6 +110,7 @@ def _split(data: bytes, file: str) -> tuple[_Header, int, int]:
         if words:
             header.entries.setdefault(words[1].lower(), (number, words[2].strip()))
         place, number = end + 1, number + 1
+    header.end = number
     return header, min(place, len(data)), number
 
 
@@ -119,7 +121,10 @@ def _incident(header: _Header) -> tuple[float, float, list[str]]:
     if pair is None:
         if theta is None or phi is None:
             raise FormatError(
-                file=header.file, expected=_INCIDENT, found="a header without the incident direction"
+                file=header.file,
+                line=header.end,
+                expected=f"{_INCIDENT}, above the rows",
+                found="a header without the incident direction",
             )
         pair = [theta, phi]
     elif (theta is not None and abs(theta - pair[0]) > 0.01) or (
@@ -147,7 +152,8 @@ def _quantity(header: _Header, need: bool) -> tuple[str | None, str, int | None]
             return None, "", None
         raise FormatError(
             file=header.file,
-            expected=_FORMAT,
+            line=header.end,
+            expected=f"{_FORMAT} above the rows",
             found="a header without the quantity",
             advice="Add the line, or say --quantity DSF or BSDF.",
         )

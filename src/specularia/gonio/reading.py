@@ -138,6 +138,7 @@ def _tables(raw: Raw, *, quantity: str | None, side: str | None, band: str) -> l
                 band=band,
                 name=raw.name,
                 synthetic=raw.synthetic,
+                quantity_line=raw.quantity_line,
                 # The user's word stands against the file's, its integral included.
                 stated_integral=raw.stated_integral if quantity is None else None,
                 warnings=tuple(here),

@@ -38,6 +38,7 @@ class Table:
     band : what light it was measured in, such as "520 nm" or "Visible".
     name : of the sample.
     synthetic : True for numbers that a computer program made.
+    quantity_line : line of the file that names the quantity, where there is one.
     stated_integral : the file's own integral over this hemisphere, where it gives one.
     warnings : what the reader noticed; the numbers stand.
     """
@@ -54,6 +55,7 @@ class Table:
     band: str = "Visible"
     name: str = ""
     synthetic: bool = False
+    quantity_line: int | None = None
     stated_integral: float | None = None
     warnings: tuple[str, ...] = ()
 

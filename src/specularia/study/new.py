@@ -61,8 +61,7 @@ def new(folder: str | Path, given: Sequence[str | Path] = ()) -> NewStudy:
     ----------
     folder : where the study goes; made if missing.
     given : measured tables, focus stacks, height maps, pictures of the faces, a catalogue of finds and its
-        plan,
-        settings of the glass and the room, in any order. The files stay where they are.
+        plan, settings of the glass and the room, in any order. The files stay where they are.
 
     Notes
     -----
@@ -76,7 +75,7 @@ def new(folder: str | Path, given: Sequence[str | Path] = ()) -> NewStudy:
     FormatError : a file is missing.
     """
     folder = make_folder(folder)
-    study = folder / "study.toml"
+    study = folder / "STUDY.toml"
     if study.exists():
         raise OutputError(f"{study}: there is a study already. Name another folder or move it away.")
     found, sorted_as, unknown = _Found(), {}, []
@@ -112,8 +111,8 @@ def kind_of(path: Path) -> str | None:
         return "plan"
     if b"find_number" in head:
         return "finds"
-    if any(reader.looks_right(head[:256]) for reader in gonio.READERS):
-        return "table"
+    if head.lstrip()[:1] in (b"#", b"!") and any(r.looks_right(head[:256]) for r in gonio.READERS):
+        return "table"  # a table without a header does not say what it holds; columns may as well be x, y, z
     if suffix in (".png", ".jpg", ".jpeg", ".bmp"):
         return "image"
     if is_stack(path):
@@ -201,8 +200,8 @@ def _text(found: _Found, unknown: Sequence[Path], written: set[str]) -> str:
         'tiling = "mirror"            # how the faces go on beyond their fields: mirror, blend or periodic',
     ]
     parts = [
-        "# A study of window glass. Run it with:  specularia study run study.toml -o results\n"
-        "# Check it before with:               specularia study check study.toml\n"
+        "# A study of window glass. Run it with:  specularia study run STUDY.toml -o results\n"
+        "# Check it before with:               specularia study check STUDY.toml\n"
         "# Paths count from this file's folder; *, ? and [...] stand for several files. A table that is "
         "left out\n"
         "# (or commented out, as some are here) is not done.",

@@ -80,7 +80,11 @@ def height_maps(maps: Mapping[str, HeightMap], path: str | Path, *, synthetic: b
 
 
 def micrographs(
-    images: Mapping[str, ArrayLike], pitch_um: float, path: str | Path, *, synthetic: bool = False
+    images: Mapping[str, ArrayLike],
+    pitch_um: float | Mapping[str, float],
+    path: str | Path,
+    *,
+    synthetic: bool = False,
 ) -> Path:
     """Draw all-in-focus images of the faces in grey, with a scale bar (the paper's Fig. 8).
 
@@ -88,26 +92,27 @@ def micrographs(
     ----------
     images : by name, [row, column], relative brightness, row 0 at the lowest y; the grey scale runs from the
         0.5 % to the 99.5 % quantile of each.
-    pitch_um : pixel size, > 0, the same for all.
-    path : PNG to write; an NPZ of the same name gets `name_k`, `image_k` and `pitch_um`.
+    pitch_um : pixel size, > 0, the same for all, or one for each by name.
+    path : PNG to write; an NPZ of the same name gets, per image k, `name_k`, `image_k` and `pitch_um_k`.
     synthetic : True labels the figure.
 
     Returns
     -------
     path of the PNG.
     """
-    numbers: dict[str, Any] = {"pitch_um": pitch_um}
+    numbers: dict[str, Any] = {}
     with style.canvas(2.9 * len(images), _height(images.values(), 2.3)) as figure:
         axes = figure.subplots(1, len(images), squeeze=False)[0]
         for k, (name, image) in enumerate(images.items()):
             grey = np.asarray(image)
-            numbers |= {f"name_{k}": name, f"image_{k}": grey}
+            pitch = pitch_um[name] if isinstance(pitch_um, Mapping) else pitch_um
+            numbers |= {f"name_{k}": name, f"image_{k}": grey, f"pitch_um_{k}": pitch}
             low, high = np.nanquantile(grey, [0.005, 0.995])
-            width = grey.shape[1] * pitch_um
+            width = grey.shape[1] * pitch
             axes[k].imshow(
                 _reduced(grey.astype(float)),
                 origin="lower",
-                extent=(0, width, 0, grey.shape[0] * pitch_um),
+                extent=(0, width, 0, grey.shape[0] * pitch),
                 cmap="gray",
                 vmin=low,
                 vmax=high,

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from specularia.study.stages.blocks import drawn_table, figure
+from specularia.study.stages.blocks import drawn_table, figure, text
 from specularia.study.stages.models import read_models
 
 if TYPE_CHECKING:
+    from specularia.bsdf import TabulatedModel
     from specularia.study.engine import Work
 
 __all__ = ["dsf", "table_1"]
@@ -16,6 +17,19 @@ __all__ = ["dsf", "table_1"]
 SIDE = "transmission_front"
 CUSTOMARY_DEG = (0.0, 20.0, 40.0, 60.0, 82.5)
 """Angles of incidence where nothing was measured."""
+
+
+def _transmitting(work: Work) -> dict[str, TabulatedModel]:
+    """The models that can answer for transmission; one of reflection tables alone cannot."""
+    return {name: model for name, model in read_models(work).items() if SIDE in model.sides}
+
+
+def _nothing_to_compare(work: Work) -> dict[str, Any]:
+    """What a stage says where no model is of transmission."""
+    return {
+        "synthetic": any(work.summary(name)["synthetic"] for name in work.results),
+        "blocks": [text("No model of this study is of transmission, so there is nothing to compare here.")],
+    }
 
 
 def table_1(work: Work) -> Mapping[str, Any]:
@@ -26,7 +40,9 @@ def table_1(work: Work) -> Mapping[str, Any]:
     from specularia.glass.closed_form import flat_slab
     from specularia.report import figures, tables
 
-    models = read_models(work)
+    models = _transmitting(work)
+    if not models:
+        return _nothing_to_compare(work)
     given = work.parameters
     points = (
         [p for p in work.summary("measured")["integrals"] if p["side"] == SIDE]
@@ -86,7 +102,9 @@ def dsf(work: Work) -> Mapping[str, Any]:
     """Draw the distributions of the models side by side."""
     from specularia.report import figures
 
-    models = read_models(work)
+    models = _transmitting(work)
+    if not models:
+        return _nothing_to_compare(work)
     theta = work.parameters["theta_deg"]
     synthetic = any(work.summary(name)["synthetic"] for name in work.results)
     angles = ", ".join(f"{t:g}" for t in theta)

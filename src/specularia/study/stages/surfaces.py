@@ -94,8 +94,8 @@ def surfaces(work: Work) -> Mapping[str, Any]:
     blocks.append(figure(picture, caption, synthetic=synthetic))
     images = {face: image for face in maps if (image := _image(work, face, maps[face])) is not None}
     if images:
-        face = next(iter(images))
-        pitch = maps[face].field_um[0] / images[face].shape[1]  # a picture may be finer than its map
+        # A picture may be finer than its map, and one face finer than the other.
+        pitch = {face: maps[face].field_um[0] / image.shape[1] for face, image in images.items()}
         picture = figures.micrographs(images, pitch, work.folder / "micrographs.png", synthetic=synthetic)
         caption = "The faces in focus everywhere: relative brightness, from the 0.5 % to the 99.5 % quantile."
         blocks.append(figure(picture, caption, synthetic=synthetic))

@@ -1,0 +1,178 @@
+"""A BSDF proved by the renderer: what rtrace finds behind the pane under a uniform dome and under a sun.
+
+The model stands in a pane in the plane z = 0 of Radiance's frame, whose normal +z points into the room and
+whose up is y, so that the frames of `conventions.to_radiance` apply as they are.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from specularia.bsdf.finding import Check
+from specularia.bsdf.io import write
+from specularia.bsdf.model import Array, ScatteringModel
+from specularia.bsdf.xml_read import read_xml
+from specularia.conventions import direction_cosines, square_to_disk, to_radiance
+from specularia.errors import SpeculariaWarning
+from specularia.radiance import run
+
+__all__ = ["ANGLES", "rendered", "rendered_dome", "rendered_sun"]
+
+ANGLES = (0.0, 2.0, 30.0, 60.0, 75.0)
+_SUN_DEG, _PHI_DEG = 0.5, 30.0
+_PANE = """void BSDF pane
+6 0 {xml} {up} .
+0
+0
+pane polygon window
+0
+0
+12 {corners}
+{light}"""
+_TOWARDS_ROOM = "-1 -1 0  1 -1 0  1 1 0  -1 1 0"
+
+
+def _octree(folder: Path, xml: Path, light: str, *, up: str, corners: str) -> None:
+    (folder / "scene.rad").write_text(_PANE.format(xml=xml, up=up, corners=corners, light=light))
+    (folder / "scene.oct").write_bytes(run(["oconv", "scene.rad"], cwd=folder))
+
+
+def _trace(folder: Path, towards: Array, *options: str) -> Array:
+    """Radiance that leaves the middle of the pane in the directions `towards` [N, 3]."""
+    rays = np.concatenate([0.5 * towards, -towards], axis=1).astype("<f4")
+    fixed = ["-h", "-ffd", "-ab", "1", "-aa", "0", "-lw", "1e-4"]
+    out = run(["rtrace", *fixed, *options, "scene.oct"], data=rays.tobytes(), cwd=folder)
+    return np.frombuffer(out, "<f8").reshape(-1, 3)[:, 1]
+
+
+def _world(theta_deg: float, phi_deg: float) -> Array:
+    return np.array([float(c) for c in to_radiance(*direction_cosines(theta_deg, phi_deg))])
+
+
+def rendered_dome(
+    xml: Path, *, theta_deg: float, phi_deg: float = 30.0, rays: int = 300, folder: Path | None = None
+) -> float:
+    """Radiance of the pane before a uniform dome of radiance 1 on its other side.
+
+    By reciprocity it is the direct-hemispherical transmission for light that arrives from where the eye is.
+
+    Parameters
+    ----------
+    xml : the file.
+    theta_deg, phi_deg : where the eye is, from the front normal; theta above 90 is behind the pane.
+    rays : eye rays, each with 256 rays of its own towards the dome.
+    folder : for the scene; None takes one that is removed again.
+    """
+    if folder is None:
+        with tempfile.TemporaryDirectory() as name:
+            return rendered_dome(xml, theta_deg=theta_deg, phi_deg=phi_deg, rays=rays, folder=Path(name))
+    eye = _world(theta_deg, phi_deg)
+    dome = f"void glow sky\n0\n0\n4 1 1 1 0\nsky source dome\n0\n0\n4 0 0 {-np.sign(eye[2]):g} 180\n"
+    _octree(folder, xml.resolve(), dome, up="0 1 0", corners=_TOWARDS_ROOM)
+    return float(_trace(folder, np.tile(eye, (rays, 1)), "-ad", "256").mean())
+
+
+def rendered_sun(
+    xml: Path,
+    *,
+    theta_deg: float,
+    phi_deg: float = 17.0,
+    size: int = 192,
+    rng: np.random.Generator,
+    up: str = "0 1 0",
+    corners: str = _TOWARDS_ROOM,
+    folder: Path | None = None,
+) -> tuple[Array, Array, Array]:
+    """BSDF that the renderer shows all over the other hemisphere under a small sun.
+
+    Parameters
+    ----------
+    xml : the file.
+    theta_deg, phi_deg : where the sun is, from the front normal; theta above 90 is behind the pane.
+    size : eye directions along an edge of the Shirley-Chiu square, one at random in each cell.
+    rng : the generator for them.
+    up, corners : of the pane, as Radiance takes them; other ones than these turn it.
+    folder : for the scene; None takes one that is removed again.
+
+    Returns
+    -------
+    (ux, uy, bsdf), each [size^2]; pi times the mean of bsdf is the direct-hemispherical transmission.
+    """
+    if folder is None:
+        with tempfile.TemporaryDirectory() as name:
+            return rendered_sun(
+                xml,
+                theta_deg=theta_deg,
+                phi_deg=phi_deg,
+                size=size,
+                rng=rng,
+                up=up,
+                corners=corners,
+                folder=Path(name),
+            )
+    sun = _world(theta_deg, phi_deg)
+    place = " ".join(f"{c:.9g}" for c in sun)
+    light = f"void light l\n0\n0\n3 1e6 1e6 1e6\nl source sun\n0\n0\n4 {place} {_SUN_DEG}\n"
+    _octree(folder, xml.resolve(), light, up=up, corners=corners)
+    k = np.arange(size)
+    a, b = (v + rng.random((size, size)) for v in np.meshgrid(k, k, indexing="ij"))
+    x, y = (v.ravel() for v in square_to_disk(a / size, b / size))
+    z = np.sqrt(np.maximum(1.0 - x * x - y * y, 0.0)) * -np.sign(sun[2])
+    seen = _trace(folder, np.stack([x, y, z], axis=1), "-dj", "0", "-dc", "1", "-dt", "0", "-ad", "1")
+    irradiance = 1e6 * 2 * np.pi * (1 - np.cos(np.radians(_SUN_DEG / 2))) * abs(sun[2])
+    return -x, y, seen / irradiance
+
+
+def rendered(model: ScatteringModel, sides: Sequence[str]) -> list[Check]:
+    """Check tau as rtrace finds it under a uniform dome and under a sun.
+
+    Parameters
+    ----------
+    model : any scattering model; one that does not come from XML is rendered as the tree at 2^6 that `write`
+        makes of it.
+    sides : transmission sides.
+
+    Returns
+    -------
+    For each side and either light the worst deviation from the file's own value at `ANGLES`.
+    """
+    found = []
+    rng = np.random.default_rng(0)
+    with tempfile.TemporaryDirectory() as name:
+        with warnings.catch_warnings():
+            # What writing has to say is not about the file that is checked.
+            warnings.simplefilter("ignore", SpeculariaWarning)
+            xml = write(model, Path(name) / "pane.xml").path
+        written = read_xml(xml)
+        for side in sides:
+            tau = np.nan_to_num(written.direct_hemispherical(side, np.array(ANGLES), _PHI_DEG))
+            from_front = side == "transmission_front"
+            at = [t if from_front else 180.0 - t for t in ANGLES]
+            dome = [rendered_dome(xml, theta_deg=t, phi_deg=_PHI_DEG) for t in at]
+            suns = [rendered_sun(xml, theta_deg=t, phi_deg=_PHI_DEG, rng=rng)[2] for t in at]
+            for light, seen in (("dome", dome), ("sun", [np.pi * float(v.mean()) for v in suns])):
+                off = np.abs(np.array(seen) - tau) / np.maximum(tau, 1e-3)
+                k = int(off.argmax())
+                found.append(_as_rendered(side, light, float(off[k]), ANGLES[k], float(seen[k])))
+    return found
+
+
+def _as_rendered(side: str, light: str, off: float, theta: float, seen: float) -> Check:
+    limit = 0.02 if light == "dome" else 0.05
+    ok = off <= limit
+    where = f"at {theta:g} degrees rtrace finds {seen:.3f}"
+    if ok:
+        advice = f"Rendered as it stands in the file; the worst is {where}."
+    elif light == "dome":
+        advice = f"Sky light comes out wrong: {where}. A side is missing or mislabelled; write it again."
+    else:
+        advice = (
+            f"Direct sun comes out wrong: {where}. Cells are wide against the lobe or a side is missing: "
+            "use a higher resolution, or sources computed from the model itself."
+        )
+    return Check(f"rendered {light} {side.replace('_', ' ')}", ok, off, limit, advice)
