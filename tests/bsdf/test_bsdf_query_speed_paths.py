@@ -33,9 +33,7 @@ def _model(kind: str) -> bsdf.XmlModel:
         if kind == "klems"
         else TreePart(_uneven_tree(int(kind[-1])))
     )
-    return bsdf.XmlModel(
-        parts={"transmission_front": part}, band="Visible", structure="", bands=("Visible",)
-    )
+    return bsdf.XmlModel(parts={"transmission_front": part}, band="Visible", structure="", bands=("Visible",))
 
 
 @pytest.mark.parametrize("side", ["transmission_front", "transmission_back"])

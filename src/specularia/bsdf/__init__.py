@@ -3,7 +3,7 @@
 from specularia.bsdf.build_tree import Built, build
 from specularia.bsdf.cells import Slice, cell_means, transmitted_slice
 from specularia.bsdf.check import Check, Program, check, programs
-from specularia.bsdf.compare import Comparison, Lobe, compare, lobe, write_csv
+from specularia.bsdf.compare import Comparison, Lobe, centroid, compare, haze, js_distance, lobe, write_csv
 from specularia.bsdf.convert import convert
 from specularia.bsdf.io import Written, direct_hemispherical, evaluate, read, write
 from specularia.bsdf.model import Quadrature, ScatteringModel
@@ -30,11 +30,14 @@ __all__ = [
     "XmlModel",
     "build",
     "cell_means",
+    "centroid",
     "check",
     "compare",
     "convert",
     "direct_hemispherical",
     "evaluate",
+    "haze",
+    "js_distance",
     "lobe",
     "programs",
     "read",

@@ -143,7 +143,7 @@ def _extend(
 
 
 def _merge_costs(cells: NDArray[np.float32], tau: Array) -> list[NDArray[np.float32]]:
-    """For blocks of 2^k cells along each edge, k = 0, 1, ...: the light moved, over tau, in the worst bin."""
+    """For blocks of 2^k cells along each edge, k = 0, 1, ...: the light moved over tau, all bins together."""
     bins, n, _ = cells.shape
     scale = (np.pi / n**2) / np.maximum(tau, 1e-3 * max(tau.max(), 1e-12))
     costs = [np.zeros(cells.shape, np.float32)]
@@ -153,18 +153,28 @@ def _merge_costs(cells: NDArray[np.float32], tau: Array) -> list[NDArray[np.floa
         block = cells.reshape(bins // s, s, n // s, s, n // s, s)
         mean = block.mean(axis=(1, 3, 5), keepdims=True)
         moved = np.abs(block - mean).sum(axis=(3, 5)) * scale.reshape(bins // s, s, 1, 1)
-        costs.append(moved.max(axis=1).astype(np.float32))
+        costs.append(moved.sum(axis=1).astype(np.float32))
         k += 1
     return costs
 
 
-def _merged(costs: list[NDArray[np.float32]], limit: float) -> list[NDArray[np.bool_]]:
-    """Which blocks become one leaf: those within the limit whose eight parts are leaves already."""
+def _merged(costs: list[NDArray[np.float32]], price: float) -> list[NDArray[np.bool_]]:
+    """Which blocks become one leaf, where a leaf costs `price` and light moved costs as much as it is.
+
+    From small blocks to large ones, a block is merged where that is cheaper than the best way to keep its
+    eight parts: the least light moved for a number of leaves (Breiman, Friedman, Olshen and Stone 1984,
+    Classification and Regression Trees, chapter 3).
+    Parts of merged blocks count as merged.
+    """
+    best = np.full(costs[0].shape, price)
     out = [np.ones(costs[0].shape, bool)]
     for cost in costs[1:]:
         b, n, _ = cost.shape
-        parts = out[-1].reshape(b, 2, n, 2, n, 2).all(axis=(1, 3, 5))
-        out.append((cost <= limit) & parts)
+        parts = best.reshape(b, 2, n, 2, n, 2).sum(axis=(1, 3, 5))
+        out.append(cost + price <= parts)
+        best = np.minimum(cost + price, parts)
+    for k in range(len(out) - 1, 1, -1):
+        out[k - 1] |= out[k].repeat(2, 0).repeat(2, 1).repeat(2, 2)
     return out
 
 

@@ -7,15 +7,15 @@ averaged over that bin.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from specularia import progress
-from specularia.bsdf.build_tree import build
-from specularia.bsdf.cells import _count, _means, is_isotropic
+from specularia.bsdf.build_tree import _assemble, bin_edges, build, reduce_cells
+from specularia.bsdf.cells import _count, _means, cell_means, is_isotropic
 from specularia.bsdf.klems import BASES, KlemsBasis
 from specularia.bsdf.model import Array, ScatteringModel
 from specularia.bsdf.tensor_tree import BRANCH, TensorTree
@@ -25,13 +25,17 @@ from specularia.bsdf.xml_write import band_in_file, structure_of
 from specularia.conventions import SIDES, disk_to_square, square_to_disk
 from specularia.errors import PhysicsError, SpeculariaWarning
 
-__all__ = ["KLEMS", "convert", "flipped_part", "klems_part", "rank_4_part"]
+__all__ = ["KLEMS", "convert", "flipped_part", "klems_part", "matrix_between", "rank_4_part", "tree_at"]
 
 KLEMS = {f"klems-{b.name.split()[-1].lower()}": b for b in BASES}
 """Klems bases by the names that `convert` takes."""
 
 _RADIAL, _ACROSS = 3, 2
 """Incident directions over which a patch is averaged, along theta and along phi."""
+_FINE = 4
+"""The same for isotropic models, along either, since turning them costs little."""
+_CELLS = 128
+"""Cells along an edge of the square from which an isotropic distribution is summed into patches."""
 _LEAST, _MOST = 6, 24
 """Fewest and most points along an edge of an outgoing patch."""
 
@@ -114,12 +118,21 @@ def _convert(
     view = Rotated(view, rotate_deg) if turn else view
     own = model.parts if isinstance(model, XmlModel) else {}
     as_it_is = bool(own) and _same(own, basis, resolution) and cull is None and not turn and not average
-    parts: dict[str, Part]
+    parts: dict[str, Part] = {}
     if as_it_is:
         parts = {other_face(s) if flip else s: flipped_part(p) if flip else p for s, p in own.items()}
         origin = {s: o for s, o in origin.items() if s in parts}
     else:
-        parts = _resampled(view, own, basis=basis, resolution=resolution, cull=cull, average=average)
+        into = _klems_target(own, basis, resolution, cull)
+        if into is not None:
+            angles = (np.arange(24) * 15.0).tolist() if average else [rotate_deg if turn else 0.0]
+            for side, p in own.items():
+                now = flipped_part(p) if flip else p
+                assert isinstance(now, KlemsPart)
+                parts[other_face(side) if flip else side] = matrix_between(now, into, angles)
+            origin = {s: o for s, o in origin.items() if s in parts}
+        else:
+            parts = _resampled(view, own, basis=basis, resolution=resolution, cull=cull, average=average)
     band = model.band if isinstance(model, XmlModel) else band_in_file(model.band)
     attributes = {k: v for k, v in dict(getattr(model, "attributes", {})).items() if k not in SIDES}
     if band != model.band:
@@ -148,6 +161,16 @@ def _same(own: Mapping[str, Part], basis: str | None, resolution: int | None) ->
         if not same:
             return False
     return True
+
+
+def _klems_target(
+    own: Mapping[str, Part], basis: str | None, resolution: int | None, cull: float | None
+) -> KlemsBasis | None:
+    """The basis that a model of matrices only goes into; None for any other conversion."""
+    matrices = [p for p in own.values() if isinstance(p, KlemsPart)]
+    if not matrices or len(matrices) < len(own) or resolution is not None or cull is not None:
+        return None
+    return matrices[0].incident if basis is None else KLEMS.get(basis)
 
 
 def _resampled(
@@ -186,7 +209,11 @@ def _resampled(
             if angles is not None:
                 parts[side] = klems_part(view, side, angles)
             elif basis == "tensor3":
-                parts[side] = TreePart(build(view, side, resolution=resolution or 6, cull=cull).tree)
+                known = view.parts.get(side) if isinstance(view, XmlModel) else None
+                if isinstance(known, TreePart) and known.tree.rank == 3:
+                    parts[side] = tree_at(known.tree, resolution=resolution or 6, cull=cull)
+                else:
+                    parts[side] = TreePart(build(view, side, resolution=resolution or 6, cull=cull).tree)
             else:
                 parts[side] = rank_4_part(view, side, resolution=resolution or 4)
             task.advance()
@@ -289,9 +316,63 @@ def klems_part(model: ScatteringModel, side: str, basis: KlemsBasis) -> KlemsPar
     """
     tau = _patch_tau(model, side, basis)
     matrix = np.zeros((basis.patches, basis.patches))
-    for j in range(basis.patches):
-        for theta, phi, weight in zip(*_incident(basis, j, _RADIAL, _ACROSS)):
-            matrix[:, j] += weight * _patch_means(model, side, basis, float(theta), float(phi))
+    for first, count in zip(basis.first, basis.phi_count):
+        if is_isotropic(model):
+            matrix[:, first : first + count] = _isotropic_columns(model, side, basis, int(first), count)
+            continue
+        for j in range(first, first + count):
+            for theta, phi, weight in zip(*_incident(basis, j, _RADIAL, _ACROSS)):
+                matrix[:, j] += weight * _patch_means(model, side, basis, float(theta), float(phi))
+    total = basis.solid_angle @ matrix
+    scale = np.where(total > 0, tau / np.where(total > 0, total, 1.0), 1.0)
+    return KlemsPart(matrix=matrix * scale, incident=basis, outgoing=basis)
+
+
+def _isotropic_columns(model: ScatteringModel, side: str, basis: KlemsBasis, first: int, count: int) -> Array:
+    """Columns of one incident ring: the distribution at phi_i = 0, turned to every azimuth of the ring."""
+    # Cells of the square lie in rings; a point anywhere in each keeps whole rings from falling on one side of
+    # the edge of a patch.
+    rng = np.random.default_rng(first)
+    k = np.arange(_CELLS)
+    out = np.zeros((basis.patches, count))
+    theta_i, phi_i, weight = _incident(basis, first, _FINE, _FINE)
+    for theta in np.unique(theta_i):
+        jitter = rng.uniform(size=(2, _CELLS, _CELLS))
+        a, b = (k[:, None] + jitter[0]) / _CELLS, (k[None, :] + jitter[1]) / _CELLS
+        x, y = (v.ravel() for v in square_to_disk(a, b))
+        light = cell_means(model, side, theta_i_deg=float(theta), n=_CELLS).ravel() * (np.pi / _CELLS**2)
+        for phi, w in zip(phi_i[theta_i == theta], weight[theta_i == theta]):
+            for j in range(count):
+                turn = np.radians(phi - 360.0 * j / count)
+                c, d = np.cos(turn), np.sin(turn)
+                row = basis.index(-(x * c - y * d), x * d + y * c)
+                out[:, j] += w * np.bincount(row, light, basis.patches)
+    return out / basis.solid_angle[:, None]
+
+
+def _overlap(new: KlemsBasis, old: KlemsBasis, angle_deg: float) -> Array:
+    """[new, old] share of each new patch that lies in each old one, turned by an angle before."""
+    x, y = _patch_points(new, np.arange(new.patches), _MOST)
+    c, d = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
+    number = old.index(x * c + y * d, y * c - x * d) + old.patches * np.arange(new.patches)[:, None]
+    share = np.bincount(number.ravel(), minlength=new.patches * old.patches)
+    return share.reshape(new.patches, old.patches) / _MOST**2
+
+
+def matrix_between(part: KlemsPart, basis: KlemsBasis, angles_deg: Sequence[float] = (0.0,)) -> KlemsPart:
+    """A matrix on other patches, turned about the normal and averaged over some angles.
+
+    Every new value is the mean of the old ones over the pair of new patches. Columns are scaled so that the
+    light of the old incident patches is kept.
+    """
+    old = np.maximum(part.matrix, 0.0)
+    sums = part.outgoing.solid_angle @ old
+    matrix, tau = np.zeros((basis.patches, basis.patches)), np.zeros(basis.patches)
+    for angle in angles_deg:
+        # Both patches are found with x or y reversed, so that the turn runs the other way in them.
+        into = _overlap(basis, part.incident, -angle)
+        matrix += _overlap(basis, part.outgoing, -angle) @ old @ into.T / len(angles_deg)
+        tau += into @ sums / len(angles_deg)
     total = basis.solid_angle @ matrix
     scale = np.where(total > 0, tau / np.where(total > 0, total, 1.0), 1.0)
     return KlemsPart(matrix=matrix * scale, incident=basis, outgoing=basis)
@@ -307,6 +388,26 @@ def _patch_means(model: ScatteringModel, side: str, basis: KlemsBasis, theta: fl
         x, y = _patch_points(basis, patches, int(k))
         out[patches] = np.nan_to_num(model.evaluate(side, theta, phi, -x, y)).mean(axis=1)
     return out
+
+
+def tree_at(tree: TensorTree, *, resolution: int, cull: float | None = None) -> TreePart:
+    """A tree of rank 3 at another resolution: means of its cells, or its cells divided."""
+    if not 3 <= resolution <= 9:
+        raise PhysicsError(f"a tree's resolution must lie between 3 and 9, not {resolution}.")
+    n = 1 << tree.resolution
+    t, a = (np.arange(n // 2) + 0.5) / n, (np.arange(n) + 0.5) / n
+    position = np.stack([v.ravel() for v in np.meshgrid(t, a, a, indexing="ij")], axis=-1)
+    cells = np.maximum(tree.lookup(position), 0.0).reshape(n // 2, n, n)
+    if resolution < tree.resolution:
+        f = 1 << (tree.resolution - resolution)
+        weight = -np.diff(bin_edges(tree.resolution) ** 2).reshape(-1, f, 1, 1)
+        blocks = cells.reshape(n // 2, n // f, f, n // f, f).mean(axis=(2, 4)).reshape(-1, f, n // f, n // f)
+        cells = (blocks * weight).sum(axis=1) / weight.sum(axis=1)
+    for axis in range(3):
+        cells = cells.repeat(1 << max(resolution - tree.resolution, 0), axis)
+    cells = cells.astype(np.float32)
+    tau = cells.sum(axis=(1, 2), dtype=float) * np.pi / cells.shape[1] ** 2
+    return TreePart(_assemble(*reduce_cells(cells, tau, cull=cull)))
 
 
 def rank_4_part(model: ScatteringModel, side: str, *, resolution: int) -> TreePart:

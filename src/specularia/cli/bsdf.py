@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from enum import StrEnum
+from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -12,6 +14,7 @@ from specularia.cli._common import Json, Quiet, emit, numbers, session, table
 
 if TYPE_CHECKING:
     from specularia.bsdf import TabulatedModel, XmlModel
+    from specularia.gonio import Table
 
 app = typer.Typer(
     no_args_is_help=True, help="Scattering models and BSDF files: what they hold, what is wrong."
@@ -70,7 +73,15 @@ def info(file: File, as_json: Json = False, quiet: Quiet = False) -> None:
 
 
 @app.command()
-def check(file: File, band: Band = None, as_json: Json = False, quiet: Quiet = False) -> None:
+def check(
+    file: File,
+    band: Band = None,
+    render: Annotated[
+        bool, typer.Option("--render", help="Prove it with rtrace: a uniform sky and a sun, both sides.")
+    ] = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
     """What is wrong with a file, what to do about it, and which programs will take it."""
     with session(quiet=quiet):
         from dataclasses import asdict
@@ -78,7 +89,7 @@ def check(file: File, band: Band = None, as_json: Json = False, quiet: Quiet = F
         from specularia import bsdf
 
         model = bsdf.read(file, band=band)
-        checks, takers = bsdf.check(model), bsdf.programs(model)
+        checks, takers = bsdf.check(model, render=render), bsdf.programs(model)
         payload = {
             "file": str(file),
             "checks": [asdict(c) for c in checks],
@@ -164,8 +175,13 @@ def slice_(
 
 @app.command()
 def compare(
-    a: File,
-    b: Annotated[Path, typer.Argument(help="The file held against the first one.", show_default=False)],
+    a: Annotated[
+        Path,
+        typer.Argument(
+            help="A BSDF file (.xml or .nc), a measured table, or a folder of tables.", show_default=False
+        ),
+    ],
+    b: Annotated[Path, typer.Argument(help="The one held against the first, likewise.", show_default=False)],
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the table and the figures.")],
     theta: Annotated[
         str, typer.Option("--theta", help="Incident angles, degrees; those of the tables unless given.")
@@ -186,19 +202,19 @@ def compare(
         from specularia.files import make_folder
         from specularia.report import figures
 
-        models = {"A": bsdf.read(a), "B": bsdf.read(b)}
+        (model_a, points_a), (model_b, points_b) = _source(a), _source(b)
+        models = {"A": model_a, "B": model_b}
         rows = bsdf.compare(*models.values(), theta_deg=angles, phi_deg=phi, side=side.value)
         folder = make_folder(output)
         files = [bsdf.write_csv(rows, folder / "compare.csv")]
         named = {f"{k} {path.name}": m for (k, m), path in zip(models.items(), (a, b))}
         shown = [r.theta_deg for r in rows if r.l1 == r.l1]
         if shown:
-            picture = folder / "dsf.png"
-            files.append(
-                figures.dsf(
-                    named, shown, picture, side=side.value, phi_i_deg=phi, synthetic=_synthetic(models)
-                )
-            )
+            common: dict[str, Any] = {"side": side.value, "phi_i_deg": phi, "synthetic": _synthetic(models)}
+            files.append(figures.dsf(named, shown, folder / "dsf.png", **common))
+            points = [*points_a, *points_b]
+            files.append(figures.sections(named, shown, folder / "sections.png", measured=points, **common))
+            files.append(figures.ratio_map(named, shown, folder / "ratio.png", **common))
         columns = [f.name for f in fields(bsdf.Comparison)]
         payload = {
             "a": str(a),
@@ -303,3 +319,19 @@ def view(
 
 def _synthetic(models: dict[str, TabulatedModel | XmlModel]) -> bool:
     return any("synthetic" in m.attributes for m in models.values())
+
+
+def _source(path: Path) -> tuple[TabulatedModel | XmlModel, list[Table]]:
+    """A model from a BSDF file; or measured tables, with the model that is fitted to them."""
+    from specularia import bsdf
+
+    with path.open("rb") if path.is_file() else nullcontext(BytesIO(b"")) as f:
+        head = f.read(512).lstrip(b"\xef\xbb\xbf \t\r\n")
+    known = (b"<", b"\x89HDF", b"CDF", b"\xff\xfe", b"\xfe\xff")
+    if not path.exists() or head.startswith(known) or path.suffix in (".xml", ".nc"):
+        return bsdf.read(path), []
+    from specularia import gonio
+
+    files = sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]
+    tables = [t for p in files for t in gonio.read(p)]
+    return gonio.fit(tables), tables

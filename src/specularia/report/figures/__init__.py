@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from specularia.report.figures.curves import sections, tau_curves
-from specularia.report.figures.distribution import dsf, measured_dsf
+from specularia.report.figures.distribution import dsf, measured_dsf, ratio_map
 from specularia.report.figures.finds import finds_by_colour, finds_on_plan
 from specularia.report.figures.luminance import luminance_maps
 from specularia.report.figures.surfaces import height_maps, micrographs
@@ -16,6 +16,7 @@ __all__ = [
     "luminance_maps",
     "measured_dsf",
     "micrographs",
+    "ratio_map",
     "sections",
     "tau_curves",
 ]

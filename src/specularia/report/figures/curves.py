@@ -14,6 +14,7 @@ from specularia.report import style
 if TYPE_CHECKING:
     from specularia.analysis import TauPoints
     from specularia.bsdf import ScatteringModel
+    from specularia.gonio import Table
 
 __all__ = ["sections", "tau_curves"]
 
@@ -118,12 +119,14 @@ def sections(
     path: str | Path,
     *,
     side: str = "transmission_front",
+    phi_i_deg: float = 0.0,
+    measured: Sequence[Table] = (),
     synthetic: bool = False,
 ) -> Path:
-    """Draw the DSF of models in the plane of incidence (phi_i = 0), one panel per angle, logarithmic.
+    """Draw the DSF of models in the plane of incidence, one panel per angle, logarithmic.
 
     The horizontal axis is the signed polar angle of the outgoing direction: positive on the side the light
-    comes from (phi_s = 0), negative on the other (phi_s = 180), so that undeflected light leaves at -theta_i.
+    comes from (phi_s = phi_i), negative on the other, so that undeflected light leaves at -theta_i.
 
     Parameters
     ----------
@@ -131,6 +134,9 @@ def sections(
     theta_deg : angles of incidence, degrees.
     path : PNG to write; a CSV of the same name gets the columns model, theta_i_deg, theta_s_signed_deg, dsf.
     side : one of `conventions.SIDES`.
+    phi_i_deg : azimuth of the incident direction, degrees.
+    measured : tables; the points of those of this side and angle that lie within 1 degree of the plane of
+        incidence are drawn as dots, and stand in the CSV as "measured".
     synthetic : True labels the figure.
 
     Returns
@@ -139,18 +145,34 @@ def sections(
     """
     angle = np.linspace(-89.75, 89.75, 719)
     u, cosine = np.sin(np.radians(angle)), np.cos(np.radians(angle))
+    c, d = np.cos(np.radians(phi_i_deg)), np.sin(np.radians(phi_i_deg))
     rows: list[tuple[str, float, float, float]] = []
     with style.canvas(2.35 * len(theta_deg) + 0.5, 2.6) as figure:
         axes = figure.subplots(1, len(theta_deg), squeeze=False, sharey=True)[0]
         top = 0.0
         for k, (panel, theta) in enumerate(zip(axes, theta_deg)):
             for j, (name, model) in enumerate(models.items()):
-                values = np.asarray(model.evaluate(side, theta, 0.0, u, np.zeros_like(u)), float) * cosine
+                values = np.asarray(model.evaluate(side, theta, phi_i_deg, u * c, u * d), float) * cosine
                 rows += [(name, float(theta), float(a), float(v)) for a, v in zip(angle, values)]
                 panel.plot(
                     angle, values, color=style.colour_of(name, j), linewidth=1.1, label=style.model_name(name)
                 )
                 top = max(top, float(np.nanmax(values, initial=0.0)))
+            found, values = _near_plane(measured, side, float(theta))
+            rows += [("measured", float(theta), float(a), float(v)) for a, v in zip(found, values)]
+            if found.size:
+                panel.plot(
+                    found,
+                    values,
+                    color=style.COLOURS["measured"],
+                    linestyle="none",
+                    marker=".",
+                    markersize=1.6,
+                    markeredgewidth=0.0,
+                    alpha=0.6,
+                    label="measured",
+                    zorder=1,
+                )
             panel.axvline(-theta, color="#999999", linewidth=0.7, linestyle=":")
             panel.set_title(f"{style.letter(k)}  $\\theta_i$ = {theta:g}°")
             panel.set(xlim=(-90, 90), xlabel=r"signed $\theta_s$ (°)")
@@ -163,3 +185,18 @@ def sections(
             Path(path).with_suffix(".csv"), ("model", "theta_i_deg", "theta_s_signed_deg", "dsf"), rows
         )
         return style.save(figure, path, synthetic=synthetic)
+
+
+def _near_plane(tables: Sequence[Table], side: str, theta_i_deg: float) -> tuple[Array, Array]:
+    """Signed polar angle and DSF of measured points within 1 degree of the plane of incidence."""
+    angles, values = [np.zeros(0)], [np.zeros(0)]
+    for table in tables:
+        if table.side != side or abs(table.polar_deg - theta_i_deg) > 0.05:
+            continue
+        polar = np.minimum(table.theta_s_deg, 180.0 - table.theta_s_deg)
+        turn = np.radians(table.phi_s_deg - table.azimuth_deg)
+        near = np.abs(polar * np.sin(turn)) < 1.0
+        dsf = np.asarray(table.values, float) * (1.0 if table.quantity == "DSF" else table.cos_s)
+        angles.append((polar * np.sign(np.cos(turn)))[near])
+        values.append(dsf[near])
+    return np.concatenate(angles), np.concatenate(values)

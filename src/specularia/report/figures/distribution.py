@@ -6,7 +6,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import matplotlib as mpl
 import numpy as np
+from matplotlib.colors import LogNorm
 from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike, NDArray
 
@@ -19,7 +21,7 @@ if TYPE_CHECKING:
     from specularia.bsdf import ScatteringModel
     from specularia.gonio import Table
 
-__all__ = ["dsf", "measured_dsf"]
+__all__ = ["dsf", "measured_dsf", "ratio_map"]
 
 Array = NDArray[np.float64]
 
@@ -104,6 +106,59 @@ def dsf(
                 fontweight="bold",
             )
         _bar(figure, picture, axes, no_data=bool(np.isnan(panels[..., grid.solid_angle > 0]).any()))
+        return style.save(figure, path, synthetic=synthetic)
+
+
+def ratio_map(
+    models: Mapping[str, ScatteringModel],
+    theta_deg: ArrayLike,
+    path: str | Path,
+    *,
+    side: str = "transmission_front",
+    phi_i_deg: float = 0.0,
+    synthetic: bool = False,
+) -> Path:
+    """Draw the DSF of a second model over that of a first one, a hemisphere per angle.
+
+    Orientation as in `dsf`; the scale is logarithmic, from 1/8 (blue) over 1 (white) to 8 (red). Where both
+    lie more than five decades below the highest value of the panel, or one holds no data, it is hatched.
+
+    Parameters
+    ----------
+    models : two, by name: the second is divided by the first.
+    theta_deg : array [N], angles of incidence, degrees.
+    path : PNG to write; an NPZ of the same name gets `theta_i_deg` [N], `edge_deg` [n + 1] and `ratio`
+        [N, n, n], NaN where it is hatched.
+    side, phi_i_deg, synthetic : as in `dsf`.
+
+    Returns
+    -------
+    path of the PNG.
+    """
+    angles = np.atleast_1d(np.asarray(theta_deg, float))
+    grid = _hemisphere.pixels()
+    (name_a, a), (name_b, b) = models.items()
+    panels = []
+    for theta in angles:
+        one, two = (_hemisphere.mean_dsf(m, side, float(theta), phi_i_deg, grid) for m in (a, b))
+        top = np.nanmax(np.fmax(one, two), initial=0.0)
+        seen = (np.fmax(one, two) > top / 10.0**_hemisphere.DECADES) & np.isfinite(one) & np.isfinite(two)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            panels.append(np.where(seen, np.clip(two / one, 1e-3, 1e3), np.nan))
+    numbers = {"theta_i_deg": angles, "edge_deg": grid.edge_deg, "ratio": np.asarray(panels, np.float32)}
+    style.write_npz(Path(path).with_suffix(".npz"), {**numbers, "models": list(models), "side": side})
+    norm = LogNorm(vmin=1 / 8, vmax=8)
+    with style.canvas(_CELL * angles.size + 1.0, _CELL + 0.45) as figure:
+        axes = figure.subplots(1, angles.size, squeeze=False)
+        for k, (theta, panel) in enumerate(zip(angles, panels)):
+            picture = _hemisphere.draw(axes[0, k], panel, norm, theta_i_deg=float(theta), phi_i_deg=phi_i_deg)
+            picture.set_cmap(mpl.colormaps["RdBu_r"].with_extremes(bad=(0, 0, 0, 0)))
+            axes[0, k].set_title(f"{style.letter(k)}  $\\theta_i$ = {theta:g}°", pad=9)
+        bar = figure.colorbar(picture, ax=axes, extend="both", fraction=0.03, pad=0.02, shrink=0.92)
+        bar.set_label(f"{name_b} / {name_a}", fontsize=6.5)
+        ticks = [1 / 8, 1 / 4, 1 / 2, 1, 2, 4, 8]
+        bar.set_ticks(ticks, labels=["1/8", "1/4", "1/2", "1", "2", "4", "8"])
+        bar.ax.minorticks_off()
         return style.save(figure, path, synthetic=synthetic)
 
 
