@@ -11,11 +11,23 @@ from typing import Annotated, Any
 
 import typer
 
-__all__ = ["Json", "Quiet", "Seed", "emit", "numbers", "session", "table"]
+__all__ = ["Cull", "Json", "Quiet", "Resolution", "Seed", "emit", "numbers", "session", "table"]
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout and nothing else there.")]
 Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="No progress, no notes.")]
 Seed = Annotated[int, typer.Option("--seed", help="Seed of the random streams; same seed, same answer.")]
+Resolution = Annotated[
+    int, typer.Option("--resolution", min=5, max=8, help="XML: N of 2^N x 2^N outgoing cells.")
+]
+Cull = Annotated[
+    float | None,
+    typer.Option(
+        "--cull",
+        min=0.0,
+        max=100.0,
+        help="XML: percentage of the cells to remove; without it as many as move 1 % of the light.",
+    ),
+]
 
 
 @contextmanager

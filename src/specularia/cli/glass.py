@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from specularia.cli._common import Json, Quiet, Seed, emit, numbers, session, table
+from specularia.cli._common import Cull, Json, Quiet, Resolution, Seed, emit, numbers, session, table
 
 app = typer.Typer(no_args_is_help=True, help="The pane as a slab between two reliefs: tracing and Model C.")
 
@@ -51,18 +51,8 @@ def trace(
     wavelength: Annotated[
         float, typer.Option("--wavelength", min=200.0, max=20000.0, help="In nm, for index and absorption.")
     ] = 520.0,
-    resolution: Annotated[
-        int, typer.Option("--resolution", min=5, max=8, help="XML: N of 2^N x 2^N outgoing cells.")
-    ] = 6,
-    cull: Annotated[
-        float | None,
-        typer.Option(
-            "--cull",
-            min=0.0,
-            max=100.0,
-            help="XML: percentage of the cells to remove; without it as many as move 1 % of the light.",
-        ),
-    ] = None,
+    resolution: Resolution = 6,
+    cull: Cull = None,
     seed: Seed = 0,
     as_json: Json = False,
     quiet: Quiet = False,

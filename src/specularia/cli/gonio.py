@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from specularia.cli._common import Json, Quiet, emit, session, table
+from specularia.cli._common import Cull, Json, Quiet, Resolution, emit, session, table
 
 if TYPE_CHECKING:
     from specularia.bsdf import TabulatedModel
@@ -110,18 +110,8 @@ def fit(
     quantity: Quantity = None,
     side: Side = None,
     wavelength: Wavelength = None,
-    resolution: Annotated[
-        int, typer.Option("--resolution", min=5, max=8, help="XML: N of 2^N x 2^N outgoing cells.")
-    ] = 6,
-    cull: Annotated[
-        float | None,
-        typer.Option(
-            "--cull",
-            min=0.0,
-            max=100.0,
-            help="XML: percentage of the cells to remove; without it as many as move 1 % of the light.",
-        ),
-    ] = None,
+    resolution: Resolution = 6,
+    cull: Cull = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
