@@ -13,7 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from specularia import gonio
-from specularia.errors import FormatError, SpeculariaWarning
+from specularia.errors import FormatError, PhysicsError, SpeculariaWarning
 
 pytestmark = pytest.mark.filterwarnings("ignore::specularia.errors.SpeculariaWarning")
 
@@ -320,3 +320,12 @@ def test_radiance_reads_what_is_written(measure: Any, tmp_path: Path) -> None:
     out = radiance.run(["pabopto2bsdf", "-t", *files])
     assert b"SCATTERING_REPRESENTATION" in out[:4000] or b"#?RADIANCE" in out[:40]
     assert len(out) > 1000
+
+
+def test_a_band_that_the_format_cannot_hold_is_not_lost_in_silence(
+    measure: Callable[..., gonio.Table], tmp_path: Path
+) -> None:
+    solar = replace(measure(20.0, scale=0.02, shadow=False), file="", band="Solar")
+    with pytest.raises(PhysicsError, match="Solar"):
+        gonio.write(solar, tmp_path / "t.dat")
+    assert list(tmp_path.iterdir()) == []

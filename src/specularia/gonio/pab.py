@@ -194,6 +194,10 @@ def write(table: Table, path: str | Path) -> Path:
         lines.append("#colorimetry: CIE-Y")
     elif table.band.endswith(" nm"):
         lines.append(f"#wavelength {table.band}")
+    else:
+        raise PhysicsError(
+            f"a pab-opto table is for one wavelength or Visible and has no place for the band {table.band}."
+        )
     lines += [
         f"#format: theta phi {table.quantity}",
         f"#upphi {table.up_phi_deg:g}",
