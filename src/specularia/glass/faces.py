@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, Self
+from typing import Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from specularia.errors import PhysicsError, SpeculariaWarning
-from specularia.surface.inpaint import soap_film
-
-if TYPE_CHECKING:
-    from specularia.surface import HeightMap
+from specularia.surface.heightmap import HeightMap, filled
 
 __all__ = ["MISSING_LIMIT", "Face", "Tiling"]
 
@@ -111,26 +108,20 @@ class Face:
 
 
 def fill(heights_um: Array, *, pitch_x_um: float = 1.0, pitch_y_um: float = 1.0, name: str = "map") -> Array:
-    """Heights without gaps: missing pixels take the harmonic surface through the edge of their gap.
+    """Heights without gaps, filled by `surface.filled`.
 
     Warns with the count; refuses a map of which more than the share `MISSING_LIMIT` is missing.
     """
-    missing = ~np.isfinite(heights_um)
-    count = int(missing.sum())
-    if count == 0:
-        return heights_um
-    share = count / missing.size
-    if share > MISSING_LIMIT:
-        raise PhysicsError(
-            f"{name}: {count} of {missing.size} pixels are missing ({100 * share:.1f} %); at most "
-            f"{100 * MISSING_LIMIT:g} % are filled. Crop the map or measure it again."
+    gaps = HeightMap(heights_um, pitch_x_um, pitch_y_um, name=name)
+    whole, count = filled(gaps, largest_share=MISSING_LIMIT)
+    if count:
+        warnings.warn(
+            f"{name}: {count} missing pixels ({100 * count / heights_um.size:.2g} %) were filled from their "
+            "surroundings.",
+            SpeculariaWarning,
+            stacklevel=3,
         )
-    warnings.warn(
-        f"{name}: {count} missing pixels ({100 * share:.2g} %) were filled from their surroundings.",
-        SpeculariaWarning,
-        stacklevel=3,
-    )
-    return soap_film(heights_um, pitch_x=pitch_x_um, pitch_y=pitch_y_um)
+    return whole.heights_um
 
 
 def _join(h: Array) -> Array:
