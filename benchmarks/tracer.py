@@ -1,72 +1,316 @@
-"""Speed of the slab tracer against an independent one, both on the same pane and in the same run.
+"""Speed and agreement of the slab tracer against its peers, on one pane and in one run.
 
-    python benchmarks/tracer.py [FOLDER]
+    NUMBA_NUM_THREADS=1 python benchmarks/tracer.py [FOLDER] [--parts speed,options,radiance,...] [-o OUT.md]
 
-FOLDER holds the peer: `slab_tracer.py` and `height_maps.py` (default: ../shared/prototype beside the
-repository). Prints, for each incident angle, thousand paths per CPU second of both, the ratio with s and p
-averaged at each interface (as the peer does) and with polarisation kept, and the ratio of noise times time:
-how much longer the peer would have to run for the same standard error of tau.
+FOLDER holds the prototype: `slab_tracer.py` and `height_maps.py` (default: ../shared/prototype beside
+the repository). Every part prints a table in Markdown. Times are CPU seconds unless a table says otherwise,
+ratios are of one run, and means over incident angles geometric.
+
+speed     thousand paths per second, s and p averaged, against the prototype
+options   what polarisation, bubbles and absorption cost
+radiance  noise times time in 64 x 64 bins against rfluxmtx on an array of tiles, with Radiance's R + T
+mitsuba   the same paths in Mitsuba, where that is installed with a libLLVM
+threads   two threads against two processes of one thread (wall time; wants a calm machine)
+embree    tau and 64 x 64 bins against Embree on the same mesh
+model     Model C from both sides to a noise of 3 % per direction (wall time, all threads)
 """
 
 from __future__ import annotations
 
+import argparse
+import os
+import platform
+import resource
+import subprocess
 import sys
 import time
+from collections.abc import Callable, Iterator
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 
-from specularia.glass import Face, Slab, trace
+from specularia.glass import BubbleKind, Face, Medium, Slab, trace
+from specularia.glass.effort import REPLICATES, Effort
+from specularia.glass.tally import Bins, Tally
+from specularia.glass.trace import fill
+from specularia.provenance import versions
 
+ROOT = Path(__file__).resolve().parents[1]
 ANGLES = (0.0, 40.0, 60.0, 82.5)
 PATHS = 320_000
-RUNS = 7
+RUNS = 5
+Lines = Iterator[str]
 
 
-def main(folder: Path) -> int:
-    """Measure and print; 0 also where there is no peer."""
-    if not (folder / "slab_tracer.py").is_file():
-        print(f"no peer in {folder}; nothing to compare with")
-        return 0
-    sys.path.insert(0, str(folder))
+def pane(n: int = 512, thickness_mm: float | None = None) -> Slab:
+    """The pane that the prototype was measured on."""
     import height_maps
-    import slab_tracer
 
-    top, bottom = height_maps.make_pair(512)
-    peer = slab_tracer.build(top, bottom)
+    top, bottom = height_maps.make_pair(n)
     pitch = height_maps.PITCH
-    # The peer gives z of the lower face; a map of it is seen from below, with x the other way.
-    slab = Slab(
-        thickness_mm=(height_maps.THICK + float(top.mean()) - float(bottom.mean())) / 1e3,
+    # The prototype gives z of the lower face; a map of it is seen from below, with x the other way.
+    between = (height_maps.THICK + float(top.mean()) - float(bottom.mean())) / 1e3
+    return Slab(
+        thickness_mm=thickness_mm or between,
         front=Face(top, pitch, pitch),
         back=Face(-np.roll(bottom[:, ::-1], 1, axis=1), pitch, pitch),
     )
+
+
+def with_(slab: Slab, **changed: object) -> Slab:
+    """The pane with some of it changed, and its geometry made."""
+    from dataclasses import replace
+
+    out = replace(slab, **changed)  # type: ignore[arg-type]
+    trace(out, theta_deg=[0.0], paths=32)
+    return out
+
+
+def mean(values: object) -> float:
+    """Geometric mean."""
+    return float(np.exp(np.mean(np.log(np.asarray(values, float)))))
+
+
+def cpu(work: Callable[[], object]) -> float:
+    """CPU seconds of this process."""
+    start = time.process_time()
+    work()
+    return time.process_time() - start
+
+
+def speed() -> Lines:
+    """Against the prototype."""
+    import height_maps
+    import slab_tracer
+
+    slab = with_(pane())
+    peer = slab_tracer.build(*height_maps.make_pair(512))
     slab_tracer.trace(peer, [slab_tracer.inc(0.0)], 32, ns=1)
-    trace(slab, theta_deg=[0.0], paths=32)
-    print(
-        "theta   peer kpaths/s   ours kpaths/s   ratio   ratio polarised   noise x time   tau peer   tau ours"
-    )
+    yield "| theta | prototype, kpaths/s | ours, kpaths/s | ratio | prototype tau | our tau |"
+    yield "|---|---|---|---|---|---|"
+    ratios = []
     for theta in ANGLES:
-        seconds, variance = np.empty((RUNS, 3)), np.empty(RUNS)
+        seconds = np.empty((RUNS, 2))
         for run in range(RUNS):
             start = time.process_time()
             _, peer_tau = slab_tracer.trace(peer, [slab_tracer.inc(theta)], PATHS, ns=1, seed=run + 1)
             seconds[run, 0] = time.process_time() - start
-            for k, polarised in enumerate((False, True)):
-                start = time.process_time()
-                found = trace(slab, theta_deg=[theta], paths=PATHS, seed=run, polarised=polarised)
-                seconds[run, k + 1] = time.process_time() - start
-            variance[run] = found.tau_se[0] ** 2
+            start = time.process_time()
+            found = trace(slab, theta_deg=[theta], paths=PATHS, seed=run, polarised=False)
+            seconds[run, 1] = time.process_time() - start
         t = np.median(seconds, axis=0)
-        tau = peer_tau[0, 1]
-        noise = tau * (1.0 - tau) / PATHS / variance.mean()
-        print(
-            f"{theta:5g}   {PATHS / t[0] / 1e3:13.0f}   {PATHS / t[1] / 1e3:13.0f}   {t[0] / t[1]:5.2f}   "
-            f"{t[0] / t[2]:15.2f}   {noise * t[0] / t[2]:12.2f}   {tau:8.4f}   {found.tau[0]:8.4f}"
+        ratios.append(t[0] / t[1])
+        rates = PATHS / t / 1e3
+        yield (
+            f"| {theta:g} | {rates[0]:.0f} | {rates[1]:.0f} | {ratios[-1]:.2f} | {peer_tau[0, 1]:.4f} "
+            f"| {found.tau[0]:.4f} |"
         )
+    yield f"| mean | | | **{mean(ratios):.2f}** (bar 1.0, aim 1.5) | | |"
+
+
+def options() -> Lines:
+    """Costs of polarisation, bubbles and absorption."""
+    slab = with_(pane())
+    # 10 bubbles over each cm2 of a pane of 3 mm.
+    bubbly = with_(slab, bubble_kinds=(BubbleKind(per_cm3=10.0 / 0.3, median_mm=0.2, sigma=0.4),))
+    yellow = with_(slab, medium=Medium(absorption_per_mm=0.07))
+    cases = (
+        ("plain", slab, False),
+        ("polarised", slab, True),
+        ("bubbles", bubbly, False),
+        ("absorption", yellow, False),
+    )
+    seconds = np.empty((len(cases), len(ANGLES), RUNS))
+    for run in range(RUNS):
+        for k, theta in enumerate(ANGLES):
+            for c, (_, case, polarised) in enumerate(cases):
+                seconds[c, k, run] = cpu(
+                    lambda s=case, t=theta, p=polarised, r=run: trace(  # type: ignore[misc]
+                        s, theta_deg=[t], paths=PATHS // 2, seed=r, polarised=p
+                    )
+                )
+    t = np.median(seconds, axis=2)
+    yield "| | time over plain | bar |"
+    yield "|---|---|---|"
+    for c, bar in ((1, 1.5), (2, 1.3), (3, 1.1)):
+        yield f"| {cases[c][0]} | **{mean(t[c] / t[0]):.2f}** | {bar} |"
+
+
+def radiance() -> Lines:
+    """Noise times time in bins against rfluxmtx."""
+    from specularia.glass import peer
+
+    slab, batches = with_(pane()), 16
+    yield "| theta | T: ratio | R: ratio | our T | Radiance T | Radiance R + T |"
+    yield "|---|---|---|---|---|---|"
+    ratios = []
+    with peer.scene(slab, array_mm=62.0) as built:
+        peer._receivers(built.folder, "-sc64", "+sc64")
+        for theta in ANGLES:
+            sine, rng = np.sin(np.radians(theta)), np.random.default_rng(1)
+            d = np.array([sine, 0.0, np.sqrt(1.0 - sine * sine)])
+            spent = []
+            for each in (10, 600):
+                # Loading the meshes takes seconds: the time of tracing is the difference of two runs.
+                place = np.empty((each * batches, 3))
+                place[:, :2] = rng.random((len(place), 2)) * built.width_um
+                place[:, 2] = built.low_um
+                rays = np.hstack([place - d, np.broadcast_to(d, place.shape)])
+                before = resource.getrusage(resource.RUSAGE_CHILDREN)
+                peer._flux(built.folder, rays, each, batches)
+                after = resource.getrusage(resource.RUSAGE_CHILDREN)
+                spent.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+            bins = [peer._matrix(built.folder / name) for name in peer._OUTPUTS]
+            theirs = [b.var(axis=0, ddof=1).sum() / batches * (spent[1] - spent[0]) for b in bins]
+            tally, start = Tally(Bins(theta)), time.process_time()
+            fill(tally, slab, effort=Effort(PATHS), seed=1, theta_deg=theta, phi_deg=0.0, polarised=False)
+            seconds = time.process_time() - start
+            assert tally.bins is not None
+            cells = tally.bins.base.reshape(2, REPLICATES, 64, 2, 64, 2).sum(axis=(3, 5)) / tally.paths
+            ours = REPLICATES * cells.var(axis=1, ddof=1).sum(axis=(1, 2)) * seconds
+            ratios.append([theirs[k] / ours[k] for k in (0, 1)])
+            t, r = (b.sum(axis=1).mean() for b in bins)
+            yield (
+                f"| {theta:g} | {ratios[-1][0]:.0f} | {ratios[-1][1]:.0f} | {tally.shares[0][0]:.4f} "
+                f"| {t:.4f} | {t + r:.4f} |"
+            )
+    through, back = (mean(v) for v in zip(*ratios))
+    yield f"| mean | **{through:.0f}** (bar 75, aim 150) | **{back:.0f}** (bar 60, aim 120) | | | |"
+
+
+def mitsuba() -> Lines:
+    """Where Mitsuba is not installed, that is said."""
+    if find_spec("mitsuba") is None:
+        yield "Not measured: Mitsuba is not installed here."
+        return
+    yield "Not measured: this benchmark has no scene for Mitsuba yet."
+
+
+_RATE = """
+import sys, time; sys.path[:0] = [{folder!r}, {here!r}]
+import tracer
+slab = tracer.with_(tracer.pane())
+print("ready", flush=True); sys.stdin.readline()
+start = time.perf_counter()
+for theta in tracer.ANGLES: tracer.trace(slab, theta_deg=[theta], paths={paths})
+print(time.perf_counter() - start, flush=True)
+"""
+
+
+def threads() -> Lines:
+    """Two threads against two processes."""
+    paths = 2_000_000
+
+    def start(count: int) -> subprocess.Popen[str]:
+        text = _RATE.format(folder=sys.path[0], here=str(Path(__file__).parent), paths=paths * count)
+        return subprocess.Popen(
+            [sys.executable, "-c", text],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            env={**os.environ, "NUMBA_NUM_THREADS": str(count)},
+        )
+
+    def together(running: list[subprocess.Popen[str]]) -> float:
+        for r in running:
+            assert r.stdout is not None
+            r.stdout.readline()
+        answers = [r.communicate("go\n")[0] for r in running]
+        return max(float(a.split()[-1]) for a in answers)
+
+    shares = []
+    for _ in range(3):
+        apart = together([start(1), start(1)])
+        shares.append(apart / together([start(2)]))
+    yield "| two threads over two processes, paths per second | bar |"
+    yield "|---|---|"
+    yield f"| **{100 * np.median(shares):.0f} %** (of {', '.join(f'{100 * s:.0f}' for s in shares)}) | 95 % |"
+
+
+def embree(paths: int = 400_000) -> Lines:
+    """Against Embree's triangles and Jones vectors in space."""
+    sys.path.insert(0, str(ROOT / "tests" / "glass"))
+    from glass_reference import transmission_of_relief
+
+    from specularia.bsdf.tabulated import base_index
+
+    slab = with_(pane())
+    yield "| theta | our tau | se | Embree's tau | se | difference, sigma | L1 of bins | L1 of noise |"
+    yield "|---|---|---|---|---|---|---|---|"
+    for theta in (0.0, 20.0, 40.0, 60.0, 82.5):
+        leaving: list[np.ndarray] = []
+        tau, _ = transmission_of_relief(
+            slab, theta_deg=theta, paths=paths, seed=3, polarised=True, leaving=leaving
+        )
+        tally = Tally(Bins(theta))
+        fill(tally, slab, effort=Effort(8 * paths), seed=1, theta_deg=theta, phi_deg=0.0)
+        share, error = (v[0] for v in tally.shares)
+        assert tally.bins is not None
+        d = np.concatenate(leaving)
+        a, b = base_index(d[:, 0], d[:, 1], 64)
+        theirs = np.bincount(a * 64 + b, minlength=64 * 64) / paths
+        each = tally.bins.base[0].reshape(REPLICATES, 64, 2, 64, 2).sum(axis=(2, 4)).reshape(REPLICATES, -1)
+        ours = each.sum(axis=0) / tally.paths
+        # Of a count with expectation m the mean modulus of the error: that of a normal number, or 2 m if few.
+        m = np.maximum(ours * paths, 1e-12)
+        noise = np.minimum(np.sqrt(2 * m / np.pi), 2 * m).sum() / paths / tau
+        distance = np.abs(ours - theirs).sum() / tau
+        se = np.sqrt(tau * (1 - tau) / paths)
+        yield (
+            f"| {theta:g} | {share:.5f} | {error:.5f} | {tau:.5f} | {se:.5f} "
+            f"| {(share - tau) / np.hypot(error, se):+.1f} | {distance:.4f} | {noise:.4f} |"
+        )
+
+
+def model() -> Lines:
+    """Model C to a wanted noise."""
+    from specularia.glass.model import traced_model
+
+    slab = with_(pane(1024))
+    start, used = time.perf_counter(), time.process_time()
+    found = traced_model(slab, paths=50_000_000, target_error=0.03, seed=1)
+    wall, used = time.perf_counter() - start, time.process_time() - used
+    front, back = found.balances["front"], found.balances["back"]
+    yield "| paths, both sides | largest noise | wall time, s | CPU, s | aim |"
+    yield "|---|---|---|---|---|"
+    noise = max(found.noise["transmission_front"].max(), found.noise["transmission_back"].max())
+    total = (front.paths.sum() + back.paths.sum()) / 1e6
+    yield f"| {total:.0f} million | {noise:.4f} | **{wall:.0f}** | {used:.0f} | 300 s on two cores |"
+
+
+PARTS = {f.__name__: f for f in (speed, options, radiance, mitsuba, threads, embree, model)}
+
+
+def main() -> int:
+    """Measure and print; 0 also where there is no prototype."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("folder", nargs="?", type=Path, default=ROOT.parent / "shared" / "prototype")
+    parser.add_argument("--parts", default=",".join(PARTS))
+    parser.add_argument("-o", "--output", type=Path)
+    given = parser.parse_args()
+    if not (given.folder / "slab_tracer.py").is_file():
+        print(f"no prototype in {given.folder}; nothing to compare with")
+        return 0
+    sys.path.insert(0, str(given.folder))
+    lines = [
+        "# The slab tracer and its peers",
+        "",
+        f"Measured {time.strftime('%Y-%m-%d')} by `benchmarks/tracer.py` on {os.cpu_count()} cores "
+        f"({platform.machine()}), load {os.getloadavg()[0]:.1f}; NUMBA_NUM_THREADS="
+        f"{os.environ.get('NUMBA_NUM_THREADS', 'all')}; "
+        + ", ".join(f"{k} {v}" for k, v in versions().items())
+        + ". The pane is synthetic.",
+    ]
+    print("\n".join(lines))
+    for name in given.parts.split(","):
+        for line in ("", f"## {name}: {(PARTS[name].__doc__ or '').strip()}", "", *PARTS[name]()):
+            lines.append(line)
+            print(line, flush=True)
+    if given.output is not None:
+        given.output.write_text("\n".join(lines) + "\n")
     return 0
 
 
 if __name__ == "__main__":
-    default = Path(__file__).resolve().parents[2] / "shared" / "prototype"
-    raise SystemExit(main(Path(sys.argv[1]) if len(sys.argv) > 1 else default))
+    raise SystemExit(main())

@@ -26,7 +26,13 @@ def folder() -> Path:
     return Path(spec.origin).parent
 
 
-def run(command: Sequence[str | Path], *, data: bytes | None = None, cwd: str | Path | None = None) -> bytes:
+def run(
+    command: Sequence[str | Path],
+    *,
+    data: bytes | None = None,
+    cwd: str | Path | None = None,
+    said: list[str] | None = None,
+) -> bytes:
     """Run a Radiance program and return what it wrote to its standard output.
 
     Parameters
@@ -34,6 +40,7 @@ def run(command: Sequence[str | Path], *, data: bytes | None = None, cwd: str | 
     command : program name and arguments.
     data : bytes for its standard input.
     cwd : folder it runs in; scene files are best written there and named without a folder.
+    said : takes the lines that the program wrote to its standard error, where it ended well.
 
     Raises
     ------
@@ -57,4 +64,6 @@ def run(command: Sequence[str | Path], *, data: bytes | None = None, cwd: str | 
     )
     if done.returncode != 0:
         raise RadianceError(command=words, code=done.returncode, stderr=done.stderr.decode(errors="replace"))
+    if said is not None:
+        said += [line for line in done.stderr.decode(errors="replace").splitlines() if line.strip()]
     return done.stdout

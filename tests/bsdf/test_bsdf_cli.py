@@ -97,3 +97,19 @@ def test_bad_files_end_with_code_3(command: Command, tmp_path: Path) -> None:
         code, out, err = command("bsdf", *words)
         assert code == 3 and out == "" and "expected" in err
     assert command("bsdf", "tau", bad, "--theta", "0,x")[0] in (2, 3)
+
+
+def test_a_side_without_transmission_is_missed_by_the_file_s_name(
+    command: Command, shared_data: Path, tmp_path: Path
+) -> None:
+    mirror = shared_data / "bsdf_xml/testBSDF.xml"
+    code, out, err = command("bsdf", "slice", mirror, "--theta", "20", "-o", tmp_path / "s.npz")
+    assert code == 3 and not out and "testBSDF.xml" in err and "reflection_back" in err
+    code, _, err = command("bsdf", "compare", mirror, mirror, "-o", tmp_path / "c")
+    assert code == 3 and "testBSDF.xml" in err and not list(tmp_path.iterdir())
+
+
+def test_a_view_never_replaces_a_file_of_another_kind(command: Command, nc: Path) -> None:
+    before = nc.read_bytes()
+    assert command("bsdf", "view", nc, "-o", nc)[0] == 2
+    assert nc.read_bytes() == before

@@ -100,6 +100,17 @@ def test_peak_width_and_centroid_are_those_of_the_gaussian(theta: float, phi: fl
     assert (row.centroid_ux_b, row.centroid_uy_b) == pytest.approx((ux, uy), abs=5e-3)
 
 
+@pytest.mark.parametrize("theta", [0.0, 23.0, 60.0])
+@pytest.mark.parametrize("width", [0.004, 0.008, 0.02])
+def test_the_width_of_a_narrow_lobe_is_right_between_the_model_s_points(width: float, theta: float) -> None:
+    """Points lie 0.25 degrees apart; the narrowest lobe is 0.54 degrees wide."""
+    s, half = np.sin(np.radians(theta)), np.sqrt(2 * np.log(2)) * width
+    true = np.degrees(np.arcsin(s + half) - np.arcsin(s - half))
+    found = bsdf.lobe(Gauss(width), FRONT, theta_i_deg=theta)
+    assert found.fwhm_deg == pytest.approx(true, rel=0.01)
+    assert found.peak == pytest.approx(0.7 / (2 * np.pi * width**2), rel=2e-3)
+
+
 def test_outside_the_data_every_figure_is_empty() -> None:
     (row,) = bsdf.compare(Gauss(0.1), Gauss(0.1), theta_deg=[95.0])
     assert np.isnan([row.js_distance, row.haze_2_5_a, row.peak_a, row.fwhm_b_deg, row.centroid_ux_a]).all()

@@ -12,8 +12,8 @@ import pytest
 
 from specularia import bsdf
 from specularia.bsdf.build_tree import bin_edges, bin_mean_tau
-from specularia.bsdf.convert import klems_part
 from specularia.bsdf.klems import BASES
+from specularia.bsdf.to_klems import klems_part
 from specularia.bsdf.xml_model import KlemsPart, TreePart, XmlModel
 from specularia.conventions import square_to_disk
 from specularia.errors import PhysicsError, SpeculariaWarning
@@ -221,8 +221,8 @@ def test_what_cannot_be_is_refused_and_what_is_lost_is_said(lopsided: XmlModel, 
         bsdf.convert(pane, basis="klems")
     with pytest.raises(PhysicsError, match="for trees"):
         bsdf.convert(pane, basis="klems-half", resolution=5)
-    with pytest.raises(PhysicsError, match="2 to 5"):
-        bsdf.convert(pane, basis="tensor4", resolution=7)
+    with pytest.raises(PhysicsError, match="2 to 7"):
+        bsdf.convert(pane, basis="tensor4", resolution=8)
     one = replace(lopsided, parts={FRONT: lopsided.parts[FRONT]})
     with pytest.warns(SpeculariaWarning, match="averaged over all azimuths"):
         bsdf.convert(one, basis="tensor3", resolution=3)
@@ -252,4 +252,8 @@ def test_the_command_converts_and_says_what_it_wrote(
     assert command("bsdf", "convert", source, "-o", tmp_path / "x.nc")[0] == 2
     assert command(*words, "--basis", "klems")[0] == 2
     code, _, error = command(*words, "--basis", "klems-half", "--resolution", "5")
-    assert code != 0 and "for trees" in error
+    assert code == 2 and "patches" in error
+    assert command(*words, "--basis", "tensor4", "--resolution", "8")[0] == 2
+    assert command(*words, "--rotate", "nan")[0] == 2
+    code, _, error = command(*words, "--cull", "50")
+    assert code == 3 and "for trees" in error

@@ -10,6 +10,7 @@ import pytest
 
 from specularia import bsdf
 from specularia.bsdf.check import sun_response
+from specularia.bsdf.check_render import rendered_sun_tau
 from specularia.conventions import direction_cosines, square_to_disk, to_radiance
 from specularia.radiance import run
 
@@ -109,16 +110,18 @@ def test_sunlight_leaves_at_the_azimuth_of_the_conventions(chiral, chiral_xml, t
         assert np.corrcoef(seen, chiral.evaluate(side, theta_i, phi, *flipped))[0, 1] < 0.9
 
 
-def test_sun_on_the_normal_creates_no_light(pane, pane_xml, tmp_path) -> None:  # type: ignore[no-untyped-def]
-    _, _, seen = _sun_seen(tmp_path, pane_xml.path, 0.0, 0.0, n=320)
+def test_sun_on_the_normal_creates_no_light(pane, pane_xml) -> None:  # type: ignore[no-untyped-def]
+    seen, _ = rendered_sun_tau(pane_xml.path, theta_deg=0.0, phi_deg=0.0, rng=np.random.default_rng(0))
     tau = float(pane.direct_hemispherical("transmission_front", 0.0))
-    assert np.mean(seen) * np.pi == pytest.approx(tau, rel=0.03)
+    expected = float(sun_response(bsdf.read(pane_xml.path), "transmission_front", np.zeros(1))[0])
+    assert seen == pytest.approx(expected, rel=0.01)
+    assert seen == pytest.approx(tau, rel=0.02)
 
 
-def test_what_the_renderer_makes_of_direct_sun_is_predicted(pane_xml, tmp_path) -> None:  # type: ignore[no-untyped-def]
+def test_what_the_renderer_makes_of_direct_sun_is_predicted(pane_xml) -> None:  # type: ignore[no-untyped-def]
     model = bsdf.read(pane_xml.path)
     assert isinstance(model, bsdf.XmlModel)
     for theta in (2.0, 10.6):
-        _, _, seen = _sun_seen(tmp_path, pane_xml.path, theta, 17.0, n=320)
+        seen, _ = rendered_sun_tau(pane_xml.path, theta_deg=theta, rng=np.random.default_rng(0))
         expected = float(sun_response(model, "transmission_front", np.array([theta]))[0])
-        assert np.mean(seen) * np.pi == pytest.approx(expected, rel=0.03)
+        assert seen == pytest.approx(expected, rel=0.01), theta

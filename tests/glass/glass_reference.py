@@ -97,8 +97,11 @@ class Relief:
         return np.where(hit, way, np.inf), normal
 
 
-def transmission_of_relief(slab: Slab, *, theta_deg, phi_deg=0.0, paths, seed, polarised):
-    """tau of a clear pane without bubbles for light on the front, and the share of lost paths."""
+def transmission_of_relief(slab: Slab, *, theta_deg, phi_deg=0.0, paths, seed, polarised, leaving=None):
+    """tau of a clear pane without bubbles for light on the front, and the share of lost paths.
+
+    `leaving`, a list, gets the directions [K, 3] of transmitted paths.
+    """
     rng = np.random.default_rng(seed)
     half = 500.0 * slab.thickness_mm
     faces = [Relief(r.astype(float), p[0]) for r, p in zip(slab.reliefs, slab.pitch_um)]
@@ -144,6 +147,8 @@ def transmission_of_relief(slab: Slab, *, theta_deg, phi_deg=0.0, paths, seed, p
             # Beyond the shell: out of the pane, or across the glass to the other shell.
             outside = gone & ~glass[rays]
             through += np.sum(outside & (d[rays, 2] < 0))
+            if leaving is not None:
+                leaving.append(d[rays[outside & (d[rays, 2] < 0)]])
             inside = rays[gone & glass[rays]]
             target = np.where(d[inside, 2] > 0, 0, 1)
             level = np.where(target == 0, half + faces[0].low - 0.5, -half + faces[1].high + 0.5)

@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 from glass_reference import smooth_map
 
+from specularia import surface
 from specularia.errors import PhysicsError, SpeculariaWarning
-from specularia.glass import Face, Slab, trace, trace_paths
+from specularia.glass import Face, Slab, patches, trace, trace_paths
 from specularia.glass.hierarchy import bounds, pack, steepest
 from specularia.glass.kernel import BACK, meet_relief
+from specularia.surface import HeightMap
 
 
 def test_bounds_are_the_greatest_corners_of_their_blocks():
@@ -166,6 +168,7 @@ def test_front_and_back_maps_meet_as_the_convention_says():
         assert np.allclose(b[:, j], -(front[:, -j] - front.mean()))
 
 
+@pytest.mark.filterwarnings("ignore:face. tiling")
 def test_mirror_and_blend_tile_without_a_cliff():
     rng = np.random.default_rng(2)
     h = np.cumsum(rng.normal(size=(40, 48)), axis=1)
@@ -179,6 +182,7 @@ def test_mirror_and_blend_tile_without_a_cliff():
         Face(h, name="cliff").tile()
 
 
+@pytest.mark.filterwarnings("ignore:face. tiling")
 def test_blending_keeps_the_variance_of_a_rough_map():
     h = np.random.default_rng(3).normal(size=(160, 160))
     assert Face(h, tiling="blend").tile().var() == pytest.approx(h.var(), rel=0.05)
@@ -197,6 +201,77 @@ def test_few_missing_pixels_are_filled_with_their_count_and_many_refused():
     h[:, :10] = np.nan
     with pytest.raises(PhysicsError, match=r"200 of 600|map"):
         Face(h, name="map.nc").tile()
+
+
+def test_map_that_does_not_close_is_mirrored_where_nothing_is_said():
+    closed = smooth_map((40, 50), seed=5, rms_slope=0.4)
+    for h, expected in ((closed, "periodic"), (closed[:33, :41], "mirror"), (np.zeros((4, 4)), "periodic")):
+        assert Face.from_map(HeightMap(h, 1.5, 1.5)).tiling == expected
+        assert Face.from_map(HeightMap(h, 1.5, 1.5), tiling="periodic").tiling == "periodic"
+    with_gap = closed.copy()
+    with_gap[0, :3] = np.nan
+    assert Face.from_map(HeightMap(with_gap, 1.5, 1.5)).tiling == "periodic"
+
+
+def test_change_of_slopes_by_tiling_is_reported():
+    h = smooth_map((130, 150), seed=6, rms_slope=0.5)[:100, :120]
+    mirror, blend = (Face(h, 1.5, 1.2, tiling=t).report() for t in ("mirror", "blend"))
+    dx, dy = np.diff(h, axis=1) / 1.5, np.diff(h, axis=0) / 1.2
+    planes = np.concatenate(
+        [(dx[:-1] ** 2 + dy[:, 1:] ** 2).ravel(), (dx[1:] ** 2 + dy[:, :-1] ** 2).ravel()]
+    )
+    assert mirror.rms_slope[0] == pytest.approx(np.sqrt(planes.mean()))
+    # Mirrored, the planes of a cell change their diagonal, and nothing else changes.
+    assert mirror.rms_slope[1] == pytest.approx(mirror.rms_slope[0], rel=1e-2)
+    assert (mirror.blended, mirror.shape, mirror.filled) == (0.0, (198, 238), 0)
+    assert mirror.distance < 0.01
+    # 12 of 88 rows, 15 of 105 columns.
+    assert blend.blended == pytest.approx(1 - (1 - 12 / 88) * (1 - 15 / 105))
+    assert blend.shape == (88, 105)
+    assert 0.8 < blend.rms_slope[1] / blend.rms_slope[0] < 1.2
+    assert mirror.distance < blend.distance < 0.1
+    assert blend.Sdq[0] == pytest.approx(surface.roughness(HeightMap(h, 1.5, 1.2)).Sdq)
+    with pytest.raises(PhysicsError, match="no map"):
+        Face.flat().report()
+
+
+def test_tiling_that_changes_the_slopes_says_so():
+    h = np.cumsum(np.random.default_rng(2).normal(size=(40, 48)), axis=1)
+    with pytest.warns(
+        SpeculariaWarning, match=r"changes the rms slope from .* \(blended: 27 % of the area\)"
+    ):
+        Face(h, tiling="blend").tile()
+
+
+def test_stated_share_of_missing_pixels_is_the_limit():
+    h = np.add.outer(np.arange(20.0), np.arange(30.0))
+    h[:, :10] = np.nan
+    assert Face(h, tiling="mirror", max_missing=0.4).report().filled == 200
+    with pytest.raises(PhysicsError, match="at most 30%"):
+        Face(h, max_missing=0.3).tile()
+    with pytest.raises(PhysicsError, match="share of 0 to 1"):
+        Face(h, max_missing=1.5)
+
+
+def test_patches_are_the_pieces_of_both_maps():
+    front, back = smooth_map((40, 50), seed=7, rms_slope=0.4), smooth_map((30, 20), seed=8, rms_slope=0.4)
+    slab = Slab(thickness_mm=1.0, front=Face(front, 1.5, 1.5), back=Face(back, 2.0, 1.0), polarised=False)
+    found = patches(slab, 2)
+    assert len(found) == 4
+    assert [p.front.heights_um.shape for p in found] == [(20, 25)] * 4
+    assert np.array_equal(found[1].front.heights_um, front[:20, 25:])
+    # The back map's x runs the other way: its left half lies behind the right half of the front.
+    assert np.array_equal(found[1].back.heights_um, back[:15, :10])
+    assert all(p.front.tiling == p.back.tiling == "mirror" and not p.polarised for p in found)
+    half_flat = patches(Slab(thickness_mm=1.0, front=Face(front)), 2)
+    assert all(p.back.is_flat for p in half_flat)
+    tau = [trace(p, theta_deg=[60.0], paths=16_000).tau[0] for p in found]
+    whole = trace(slab, theta_deg=[60.0], paths=64_000).tau[0]
+    assert abs(np.mean(tau) - whole) < 4 * np.std(tau, ddof=1) / 2 + 0.01
+    with pytest.raises(PhysicsError, match="at least one map"):
+        patches(Slab(thickness_mm=1.0), 2)
+    with pytest.raises(PhysicsError, match="cannot be cut"):
+        patches(slab, 25)
 
 
 def test_impossible_panes_are_refused():

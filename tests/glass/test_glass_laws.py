@@ -6,6 +6,8 @@ import pytest
 from glass_reference import smooth_map
 
 from specularia import surface
+from specularia.bsdf.tabulated import base_index
+from specularia.conventions import square_to_disk
 from specularia.glass import BubbleKind, Face, Medium, Slab, trace, trace_paths
 
 ROUGH = {
@@ -96,6 +98,64 @@ def test_diffuse_transmission_is_the_same_both_ways(tinted):
     error = np.sqrt(sum(np.sum((0.5 * w * r.tau_se) ** 2) for r in runs.values()))
     assert abs(runs["front"].tau[0] - runs["back"].tau[0]) > 10 * error
     assert abs(mean["front"] - mean["back"]) < 4 * error + 2e-4
+
+
+def exchange(slab: Slab, side: str, *, cells: int, draws: int, paths: int) -> dict[str, np.ndarray]:
+    """Light from each of cells x cells incident directions into each exit cell, [draw, incident, exit].
+
+    Cells have equal projected solid angle. Every draw has its own direction within the incident cell, so that
+    the spread over draws is the whole noise.
+    """
+    rng = np.random.default_rng(11 + (side == "back"))
+    n = cells**2
+    found = {"transmission": np.zeros((draws, n, n)), "reflection": np.zeros((draws, n, n))}
+    for a in range(n):
+        at = (np.array(divmod(a, cells))[:, None] + rng.random((2, draws))) / cells
+        ux, uy = square_to_disk(*at)
+        for k in range(draws):
+            p = trace_paths(
+                slab,
+                side=side,
+                theta_deg=float(np.degrees(np.arcsin(min(np.hypot(ux[k], uy[k]), 1 - 1e-9)))),
+                phi_deg=float(np.degrees(np.arctan2(uy[k], ux[k]))),
+                paths=paths,
+                seed=int(rng.integers(1 << 30)),
+            )
+            i, j = base_index(p.ux, p.uy, cells)
+            for name, out in (("transmission", p.transmitted), ("reflection", p.reflected)):
+                light = np.bincount((i * cells + j)[out], p.weight[out], n)
+                found[name][k, a] = light / len(p)
+    return found
+
+
+def rms_z(a: np.ndarray, b: np.ndarray, *, least: float) -> tuple[float, int]:
+    """Root mean square of (a - b) over its standard error, for cells with enough light; [draw, ., .] each."""
+    mean_a, mean_b = a.mean(0), b.mean(0)
+    variance = (a.var(0, ddof=1) + b.var(0, ddof=1)) / len(a)
+    good = (mean_a + mean_b) / 2 > least
+    z = ((mean_a - mean_b) / np.sqrt(np.where(good, variance, 1.0)))[good]
+    return float(np.sqrt(np.mean(z**2))), z.size
+
+
+@pytest.mark.parametrize("kind", ["clear", "tinted"])
+def test_light_goes_both_ways_alike_in_every_pair_of_directions(kind, request):
+    # Reciprocity, f_back(a -> b) = f_front(b -> a), of transmission and of reflection from either side, over
+    # 4 x 4 by 4 x 4 cells; validation/slab_laws.py does the same with 8 x 8 and more light.
+    slab = request.getfixturevalue(kind)
+    front, back = (exchange(slab, s, cells=4, draws=24, paths=320) for s in ("front", "back"))
+    pairs = {
+        "transmission": (front["transmission"], back["transmission"].transpose(0, 2, 1)),
+        "reflection front": (front["reflection"], front["reflection"].transpose(0, 2, 1)),
+        "reflection back": (back["reflection"], back["reflection"].transpose(0, 2, 1)),
+    }
+    for name, (a, b) in pairs.items():
+        if name != "transmission":
+            upper = np.triu_indices(a.shape[1], 1)
+            a, b = a[:, *upper], b[:, *upper]
+        found, number = rms_z(a, b, least=2e-3)
+        assert number > 80
+        # Students's t with about 46 degrees of freedom; the number of cells sets how well its width is known.
+        assert found == pytest.approx(1.02, abs=4 / np.sqrt(2 * number)), name
 
 
 def test_real_map_mirrored_on_both_faces_keeps_all_light(shared_data):

@@ -329,3 +329,44 @@ def test_a_band_that_the_format_cannot_hold_is_not_lost_in_silence(
     with pytest.raises(PhysicsError, match="Solar"):
         gonio.write(solar, tmp_path / "t.dat")
     assert list(tmp_path.iterdir()) == []
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    head=st.lists(
+        st.sampled_from(
+            [
+                "#format: theta phi DSF",
+                "#format: theta phi [uA]",
+                "#format: theta",
+                "#incident_angle 20 0",
+                "#incident_angle 20",
+                "#incident_angle\tx\ty",
+                "#intheta 20",
+                "#inphi 0",
+                "#colorimetry: CIE-XYZ",
+                "#colorimetry: CIE-Q",
+                "#upphi",
+                "#upphi 90",
+                "#front_integral nan",
+                "#datapoints_in_file many",
+                "#",
+                "!!BSDF Data",
+                "theta_i,phi_i,theta_s,phi_s,DSF",
+                "\x00\xff",
+            ]
+        ),
+        max_size=6,
+    ),
+    rows=st.sampled_from(["", "170 10 1\n" * 20, "".join(f"{91 + 4 * k} {17 * k} 0.1\n" for k in range(20))]),
+    end=st.sampled_from(["\n", "\r", "\r\n"]),
+)
+def test_any_header_is_either_read_or_refused(tmp_path: Path, head: list[str], rows: str, end: str) -> None:
+    path = tmp_path / "any.dat"
+    path.write_bytes((end.join(head) + end + rows.replace("\n", end)).encode("latin-1"))
+    try:
+        tables = gonio.read(path)
+    except FormatError as error:
+        assert error.expected and error.found
+    else:
+        assert all(np.isfinite(t.values).all() for t in tables)

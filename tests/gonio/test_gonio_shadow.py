@@ -60,10 +60,6 @@ def test_at_normal_incidence_a_shadow_at_any_azimuth_is_filled(oracle: Any, meas
         assert found.integral == pytest.approx(oracle.Truth().tau(0.0), rel=3e-3)
 
 
-def test_a_shadow_in_the_plane_of_incidence_is_left_as_it_is(measure: Any) -> None:
-    assert distribution(measure(40.0, 90.0)).notes == ()
-
-
 def test_a_sample_that_scatters_to_one_side_is_not_taken_for_shadowed() -> None:
     """A wide dark side, a narrow dark spot inside the hemisphere, and a mild dip at the horizon."""
     k = np.arange(12000) + 0.5

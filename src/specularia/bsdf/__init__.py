@@ -6,9 +6,11 @@ from specularia.bsdf.check import Check, Program, check, programs
 from specularia.bsdf.compare import Comparison, Lobe, centroid, compare, haze, js_distance, lobe, write_csv
 from specularia.bsdf.convert import convert
 from specularia.bsdf.io import Written, direct_hemispherical, evaluate, read, write
+from specularia.bsdf.mitsuba import MitsubaExport, export_mitsuba
 from specularia.bsdf.model import Quadrature, ScatteringModel
 from specularia.bsdf.sample import Sample, sample
-from specularia.bsdf.tabulated import SideTable, TabulatedModel, read_model, write_model
+from specularia.bsdf.tabulated import SideTable, TabulatedModel
+from specularia.bsdf.tabulated_io import read_model, write_model
 from specularia.bsdf.tensor_tree import TensorTree
 from specularia.bsdf.xml_model import XmlModel
 from specularia.bsdf.xml_read import read_xml
@@ -18,6 +20,7 @@ __all__ = [
     "Check",
     "Comparison",
     "Lobe",
+    "MitsubaExport",
     "Program",
     "Quadrature",
     "Sample",
@@ -36,6 +39,7 @@ __all__ = [
     "convert",
     "direct_hemispherical",
     "evaluate",
+    "export_mitsuba",
     "haze",
     "js_distance",
     "lobe",

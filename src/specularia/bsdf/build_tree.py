@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 
 from specularia.bsdf.cells import cell_means, is_isotropic
 from specularia.bsdf.model import Array, ScatteringModel
+from specularia.bsdf.tabulated import TabulatedModel
+from specularia.bsdf.tabulated_means import TabulatedMeans
 from specularia.bsdf.tensor_tree import BRANCH, TensorTree
 from specularia.errors import PhysicsError, SpeculariaWarning
 
@@ -24,6 +26,7 @@ __all__ = ["Built", "bin_edges", "bin_mean_tau", "build", "fill_cells", "reduce_
 TOLERANCE = 0.01
 """Share of a bin's light that reduction may put elsewhere where no number of cells to remove is asked for."""
 _TAU_KEPT = 2e-3
+_ROUNDS = 10
 _AZIMUTHS = 24
 
 
@@ -34,10 +37,11 @@ class Built:
     Attributes
     ----------
     tree : the tree.
-    theta_low_deg, theta_high_deg : [B] edges of the incidence bins, from grazing to normal.
-    tau_model : [B] direct-hemispherical value of the model averaged over each bin.
-    tau_tree : [B] the same of the tree.
-    l1 : [B] integral of |tree - cell means| over projected solid angle, over tau_model.
+    theta_low_deg, theta_high_deg : edges of the incidence bins: [B], from grazing to normal, for rank 3, and
+        [n, n] for rank 4.
+    tau_model : direct-hemispherical value of the model averaged over each bin, of the same shape.
+    tau_tree : the same of the tree.
+    l1 : integral of |tree - cell means| over projected solid angle, over tau_model.
     removed : share of the cells that reduction has removed, 0 to 1.
     """
 
@@ -60,7 +64,7 @@ def bin_edges(resolution: int) -> Array:
     return 1.0 - np.arange(bins + 1) / bins
 
 
-def _angles(low: float, high: float, count: int) -> tuple[Array, Array]:
+def angles_between(low: float, high: float, count: int) -> tuple[Array, Array]:
     """Angles in degrees and weights that average over low <= sin(theta) <= high with the weight sin d sin.
 
     Gauss-Legendre in cos(theta), where sin d sin = -cos d cos and where a transmission that vanishes at
@@ -73,9 +77,14 @@ def _angles(low: float, high: float, count: int) -> tuple[Array, Array]:
     return np.degrees(np.arccos(c)), w / w.sum()
 
 
+def _points(high: float) -> int:
+    """Angles to average over in a bin: towards grazing incidence tau bends, and most in the last bin."""
+    return 24 if high == 1.0 else 8 if high > 0.9 else 4
+
+
 def bin_mean_tau(model: ScatteringModel, side: str, *, low: float, high: float, count: int = 8) -> float:
     """Direct-hemispherical value averaged over low <= sin(theta_i) <= high; NaN where there are no data."""
-    theta, w = _angles(low, high, count)
+    theta, w = angles_between(low, high, count)
     phi = np.zeros(1) if is_isotropic(model) else np.arange(_AZIMUTHS) * (360.0 / _AZIMUTHS)
     tau = np.mean([np.asarray(model.direct_hemispherical(side, theta, float(p)), float) for p in phi], axis=0)
     known = np.isfinite(tau)
@@ -100,13 +109,15 @@ def fill_cells(model: ScatteringModel, side: str, *, resolution: int) -> tuple[N
     count = 4 if resolution <= 6 else 3 if resolution == 7 else 2
     azimuths = np.zeros(1) if is_isotropic(model) else np.arange(_AZIMUTHS) * (360.0 / _AZIMUTHS)
     cells = np.zeros((n // 2, n, n), np.float32)
+    if isinstance(model, TabulatedModel) and model.isotropic:
+        return _fill_from_tables(TabulatedMeans(model, side, n=n), edges, cells)
     tau = np.full(n // 2, np.nan)
     for k in range(n // 2):
         low, high = float(edges[k + 1]), float(edges[k])
         # Towards grazing incidence tau bends within a bin.
-        tau[k] = bin_mean_tau(model, side, low=low, high=high, count=8 if high > 0.9 else 4)
+        tau[k] = bin_mean_tau(model, side, low=low, high=high, count=_points(high))
         total, weight = np.zeros((n, n)), 0.0
-        for theta, w in zip(*_angles(low, high, count)):
+        for theta, w in zip(*angles_between(low, high, count)):
             for phi in azimuths:
                 mean = cell_means(model, side, theta_i_deg=float(theta), phi_i_deg=float(phi), n=n)
                 if np.isfinite(mean[0, 0]):
@@ -119,6 +130,26 @@ def fill_cells(model: ScatteringModel, side: str, *, resolution: int) -> tuple[N
         # Seen from Radiance x runs the other way: the square is mirrored in its first coordinate.
         cells[k] = (total * (tau[k] / here if here > 0 and np.isfinite(tau[k]) else 1.0))[::-1]
     return _extend(cells, tau, side, edges)
+
+
+def _fill_from_tables(
+    means: TabulatedMeans, edges: Array, cells: NDArray[np.float32]
+) -> tuple[NDArray[np.float32], Array]:
+    """`fill_cells` for an isotropic tabulated model, which has data everywhere."""
+    bins, n, _ = cells.shape
+    tau = np.empty(bins)
+    count = 4 if bins <= 32 else 3 if bins == 64 else 2
+    for k in range(bins):
+        low, high = float(edges[k + 1]), float(edges[k])
+        total = np.zeros((n, n))
+        for theta, w in zip(*angles_between(low, high, count)):
+            total += w * means.at(float(theta))[0]
+        tau[k] = bin_mean_tau(means.model, means.side, low=low, high=high, count=_points(high))
+        middle = slice(n // 2 - 1, n // 2 + 1)
+        total[middle, middle] = total[middle, middle].mean()
+        here = total.sum() * np.pi / n**2
+        cells[k] = (total * (tau[k] / here if here > 0 else 1.0))[::-1]
+    return cells, tau
 
 
 def _extend(
@@ -142,19 +173,28 @@ def _extend(
     return cells[nearest], tau[nearest]
 
 
-def _merge_costs(cells: NDArray[np.float32], tau: Array) -> list[NDArray[np.float32]]:
-    """For blocks of 2^k cells along each edge, k = 0, 1, ...: the light moved over tau, all bins together."""
+def _light_moved(cells: NDArray[np.float32]) -> list[NDArray[np.float32]]:
+    """For blocks of 2^k cells along each edge, k = 1, 2, ...: sum of |cell - mean|, [block, bin, a, b]."""
     bins, n, _ = cells.shape
-    scale = (np.pi / n**2) / np.maximum(tau, 1e-3 * max(tau.max(), 1e-12))
-    costs = [np.zeros(cells.shape, np.float32)]
+    out = []
     k = 1
     while (1 << k) <= bins:
         s = 1 << k
         block = cells.reshape(bins // s, s, n // s, s, n // s, s)
         mean = block.mean(axis=(1, 3, 5), keepdims=True)
-        moved = np.abs(block - mean).sum(axis=(3, 5)) * scale.reshape(bins // s, s, 1, 1)
-        costs.append(moved.sum(axis=1).astype(np.float32))
+        out.append(np.abs(block - mean).sum(axis=(3, 5)))
         k += 1
+    return out
+
+
+def _merge_costs(
+    cells: NDArray[np.float32], moved: list[NDArray[np.float32]], weight: Array
+) -> list[NDArray[np.float32]]:
+    """For blocks of 2^k cells along each edge, k = 0, 1, ...: the light moved; bins weigh weight [B]."""
+    costs = [np.zeros(cells.shape, np.float32)]
+    for light in moved:
+        s = light.shape[1]
+        costs.append((light * weight.reshape(-1, s, 1, 1)).sum(axis=1).astype(np.float32))
     return costs
 
 
@@ -216,7 +256,9 @@ def reduce_cells(
     ----------
     cells : [B, n, n] from `fill_cells`.
     tau : [B] direct-hemispherical value of each bin.
-    cull : percentage of the cells to remove; None removes as many as `tolerance` allows.
+    cull : percentage of the cells to remove; None removes as many as `tolerance` allows. The choice is made
+        again a few times, with more weight on the bins that lost most, and the one that is kept has the
+        smallest error, worst bin and mean.
     tolerance : largest integral of |reduced - cells| over projected solid angle, over tau, in any bin.
 
     Returns
@@ -224,31 +266,52 @@ def reduce_cells(
     The reduced cells [B, n, n], each bin adding up to tau within 0.2 %, and for each size of block which ones
     have become one leaf.
     """
-    n = cells.shape[1]
-    costs = _merge_costs(cells, tau)
+    area = np.pi / cells.shape[1] ** 2
     floor = np.maximum(tau, 1e-3 * max(tau.max(), 1e-12))
+    moved = _light_moved(cells)
 
-    def attempt(limit: float) -> tuple[NDArray[np.float32], list[NDArray[np.bool_]], float, float]:
+    def attempt(
+        costs: list[NDArray[np.float32]], limit: float
+    ) -> tuple[NDArray[np.float32], list[NDArray[np.bool_]], Array, Array]:
         merged = _merged(costs, limit)
         flat = _keep_tau(_flattened(cells, merged), merged, tau)
-        l1 = float((np.abs(flat - cells).sum(axis=(1, 2), dtype=float) * np.pi / n**2 / floor).max())
-        off = float((np.abs(flat.sum(axis=(1, 2), dtype=float) * np.pi / n**2 - tau) / floor).max())
+        l1 = np.abs(flat - cells).sum(axis=(1, 2), dtype=float) * area / floor
+        off = np.abs(flat.sum(axis=(1, 2), dtype=float) * area - tau) / floor
         return flat, merged, l1, off
 
-    def fits(limit: float) -> bool:
+    def price(costs: list[NDArray[np.float32]]) -> float:
+        low, high = -9.0, 0.5
+        if not fits(costs, 10.0**low):
+            low = -20.0
+        for _ in range(12):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if fits(costs, 10.0**middle) else (low, middle)
+        return float(10.0**low)
+
+    def fits(costs: list[NDArray[np.float32]], limit: float) -> bool:
         if cull is not None:
             return _leaf_count(_merged(costs, limit)) >= (1.0 - cull / 100.0) * cells.size
-        _, _, l1, off = attempt(limit)
-        return l1 <= tolerance and off <= _TAU_KEPT
+        _, _, l1, off = attempt(costs, limit)
+        return bool(l1.max() <= tolerance and off.max() <= _TAU_KEPT)
 
-    low, high = -9.0, 0.5
-    if not fits(10.0**low):
-        low = -20.0
-    for _ in range(12):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if fits(10.0**middle) else (low, middle)
-    flat, merged, _, _ = attempt(10.0**low)
-    return flat, merged
+    importance = np.ones(tau.size)
+    best: tuple[NDArray[np.float32], list[NDArray[np.bool_]]] | None = None
+    lowest = np.inf
+    # Where a number of cells is to go, bins that lose more than others count more in the next choice.
+    for _ in range(1 if cull is None else _ROUNDS):
+        costs = _merge_costs(cells, moved, importance * area / floor)
+        flat, merged, l1, off = attempt(costs, price(costs))
+        # Light that is moved can be lived with; light that is lost or made cannot.
+        badness = float(l1.max() + l1.mean() + 10.0 * max(off.max() - _TAU_KEPT, 0.0))
+        if best is None or badness < lowest:
+            best, lowest = (flat, merged), badness
+        if off.max() <= _TAU_KEPT and l1.max() <= max(tolerance, 1.1 * float(l1.mean())):
+            break
+        importance *= np.sqrt((l1 / max(l1.mean(), 1e-12)).clip(0.7, 6.0))
+        importance[off > _TAU_KEPT] *= 2.0
+        importance /= importance.mean()
+    assert best is not None
+    return best
 
 
 _Node = NDArray[np.float32] | list["_Node"]

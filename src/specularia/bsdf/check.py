@@ -6,12 +6,12 @@ import numpy as np
 
 from specularia.bsdf.cells import cell_means, grid, is_isotropic
 from specularia.bsdf.check_render import rendered
+from specularia.bsdf.check_sun import direct_sun, sun_response
 from specularia.bsdf.compare import lobe
 from specularia.bsdf.finding import Check, Program
 from specularia.bsdf.model import Array, ScatteringModel
 from specularia.bsdf.tabulated import TabulatedModel
-from specularia.bsdf.xml_model import KlemsPart, TreePart, XmlModel, circle_sum
-from specularia.errors import PhysicsError
+from specularia.bsdf.xml_model import KlemsPart, XmlModel
 
 __all__ = ["Check", "Program", "check", "programs", "sun_response"]
 
@@ -28,7 +28,7 @@ def check(model: ScatteringModel, *, render: bool = False) -> list[Check]:
     render : True to prove the transmission sides with rtrace as well, see `check_render.rendered`.
     """
     found = [_energy(model), _negative(model), *_sides(model), *_reciprocity(model), *_orientation(model)]
-    found += [*_normal_incidence(model), *_sun_elsewhere(model), *_grazing(model), *_resolution(model)]
+    found += [*_normal_incidence(model), *direct_sun(model), *_grazing(model), *_resolution(model)]
     if render:
         found += rendered(model, _transmission(model))
     return found
@@ -184,46 +184,8 @@ def _orientation(model: ScatteringModel) -> list[Check]:
     return found
 
 
-def sun_response(model: XmlModel, side: str, theta_deg: Array) -> Array:
-    """Transmission that a renderer finds for direct sun through a rank-3 tree.
-
-    Seen against the light, a renderer takes the eye's direction as the incident one: it reads the tree of the
-    other side, at the cell that holds the sun, seen in the frame turned with each eye direction. The sun then
-    runs round a circle through square cells, and the sum over all eye directions need not be the tree's own
-    direct-hemispherical value.
-
-    Parameters
-    ----------
-    model : trees of rank 3 with both transmission sides.
-    side : the face the sun shines on.
-    theta_deg : [N] its polar angles.
-
-    Returns
-    -------
-    [N] direct-hemispherical transmission as rendered (ours; src/rt/m_bsdf.c and src/common/bsdf_t.c).
-    """
-    part = model.parts[_TRANSMISSION[1 - _TRANSMISSION.index(side)]]
-    if not isinstance(part, TreePart):
-        raise PhysicsError("only trees of rank 3 are read in this way.")
-    return circle_sum(part.tree, np.sin(np.radians(theta_deg)))
-
-
-def _sun(model: ScatteringModel, theta: Array) -> float | None:
-    """Worst share by which direct sun is rendered wrong at these angles; None where the effect is absent."""
-    if not isinstance(model, XmlModel) or model.rank != 3 or not set(_TRANSMISSION) <= set(model.parts):
-        return None
-    worst = 0.0
-    for side in _TRANSMISSION:
-        tau = model.direct_hemispherical(side, theta)
-        lit = tau > 1e-3
-        if lit.any():
-            off = sun_response(model, side, theta)[lit] / tau[lit] - 1.0
-            worst = max(worst, float(np.abs(off).max()))
-    return worst
-
-
 def _normal_incidence(model: ScatteringModel) -> list[Check]:
-    """tau at theta = 0 against its neighbours, and the corner of cells that a sun on the normal falls on."""
+    """tau at theta = 0 against its neighbours."""
     found = []
     for side in _transmission(model):
         tau = model.direct_hemispherical(side, [0.0, 5.0])
@@ -240,50 +202,7 @@ def _normal_incidence(model: ScatteringModel) -> list[Check]:
                 else "The value at normal incidence is missing or out of line with that at 5 degrees.",
             )
         )
-    sun = _sun(model, np.zeros(1))
-    if sun is not None:
-        found.append(
-            Check(
-                "theta 0 sun",
-                sun <= 0.05,
-                sun,
-                0.05,
-                "Direct sun on the normal is rendered right."
-                if sun <= 0.05
-                else "Direct sun on the normal falls on a corner of four cells and is rendered wrong by this "
-                "share; write the file with bsdf.write, which makes the four cells alike.",
-            )
-        )
     return found
-
-
-def _sun_elsewhere(model: ScatteringModel) -> list[Check]:
-    sun = _sun(model, np.linspace(10.0, 75.0, 45))
-    near = _sun(model, np.linspace(1.0, 9.0, 33))
-    if sun is None or near is None:
-        return []
-    return [
-        Check(
-            "direct sun near the normal",
-            near <= 0.05,
-            near,
-            0.05,
-            "Direct sun at 1 to 9 degrees is rendered within this share."
-            if near <= 0.05
-            else "At some angles from 1 to 9 degrees direct sun is rendered wrong by this share: the lobe is "
-            "narrow against the rings of cells around the normal. A resolution one higher halves it.",
-        ),
-        Check(
-            "direct sun",
-            sun <= 0.05,
-            sun,
-            0.05,
-            "Direct sun at 10 to 75 degrees is rendered within this share."
-            if sun <= 0.05
-            else "At some angles from 10 to 75 degrees direct sun is rendered wrong by this share: the cells "
-            "are wide against the lobe. A resolution one higher halves it.",
-        ),
-    ]
 
 
 def _grazing(model: ScatteringModel) -> list[Check]:

@@ -7,37 +7,34 @@ averaged over that bin.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from specularia import progress
+from specularia.bsdf.build_rank4 import build_tensor4
 from specularia.bsdf.build_tree import _assemble, bin_edges, build, reduce_cells
-from specularia.bsdf.cells import _count, _means, cell_means, is_isotropic
+from specularia.bsdf.cells import is_isotropic
 from specularia.bsdf.klems import BASES, KlemsBasis
-from specularia.bsdf.model import Array, ScatteringModel
-from specularia.bsdf.tensor_tree import BRANCH, TensorTree
+from specularia.bsdf.model import ScatteringModel
+from specularia.bsdf.tensor_tree import TensorTree
+from specularia.bsdf.to_klems import klems_part, matrix_between
+from specularia.bsdf.turn_over import flipped_part
 from specularia.bsdf.views import AzimuthMean, Flipped, Rotated, other_face
 from specularia.bsdf.xml_model import KlemsPart, Part, TreePart, XmlModel
 from specularia.bsdf.xml_write import band_in_file, structure_of
-from specularia.conventions import SIDES, disk_to_square, square_to_disk
+from specularia.conventions import SIDES
 from specularia.errors import PhysicsError, SpeculariaWarning
 
-__all__ = ["KLEMS", "convert", "flipped_part", "klems_part", "matrix_between", "rank_4_part", "tree_at"]
+__all__ = ["KLEMS", "convert", "tree_at"]
 
 KLEMS = {f"klems-{b.name.split()[-1].lower()}": b for b in BASES}
 """Klems bases by the names that `convert` takes."""
-
-_RADIAL, _ACROSS = 3, 2
-"""Incident directions over which a patch is averaged, along theta and along phi."""
-_FINE = 4
-"""The same for isotropic models, along either, since turning them costs little."""
-_CELLS = 128
-"""Cells along an edge of the square from which an isotropic distribution is summed into patches."""
-_LEAST, _MOST = 6, 24
-"""Fewest and most points along an edge of an outgoing patch."""
+_ALL_ROUND = (np.arange(240) * 1.5).tolist()
+"""Angles whose mean is isotropic: patches of the standard bases are multiples of their step wide."""
+_RANK_3, _RANK_4 = 6, 5
+"""Resolutions of trees unless others are asked for."""
 
 
 def convert(
@@ -57,9 +54,9 @@ def convert(
     model : any scattering model. All bands of a model from XML are converted.
     basis : klems-full, klems-half, klems-quarter, tensor3 or tensor4; None keeps the one that a model from
         XML has, and takes tensor3 for any other model.
-    resolution : g of a tree, 2^g cells along an edge; 3 to 9 for tensor3 (6 unless given), 2 to 5 for tensor4
-        (4 unless given). None keeps the tree of a model from XML as it is.
-    cull : percentage of the cells to remove, tensor3 only; see `build`.
+    resolution : g of a tree, 2^g cells along an edge; 3 to 9 for tensor3 (6 unless given), 2 to 7 for tensor4
+        (5 unless given). None keeps the tree of a model from XML as it is.
+    cull : percentage of a tree's cells to remove; see `build` and `build_tensor4`.
     flip : turn the sample over about its y axis, so that front and back change places. First of the moves.
     rotate_deg : turn it about its normal, counter-clockwise seen from the front.
     isotropic : average it over all azimuths. A tensor3 is isotropic in any case.
@@ -125,7 +122,7 @@ def _convert(
     else:
         into = _klems_target(own, basis, resolution, cull)
         if into is not None:
-            angles = (np.arange(24) * 15.0).tolist() if average else [rotate_deg if turn else 0.0]
+            angles = _ALL_ROUND if average else [rotate_deg if turn else 0.0]
             for side, p in own.items():
                 now = flipped_part(p) if flip else p
                 assert isinstance(now, KlemsPart)
@@ -211,183 +208,16 @@ def _resampled(
             elif basis == "tensor3":
                 known = view.parts.get(side) if isinstance(view, XmlModel) else None
                 if isinstance(known, TreePart) and known.tree.rank == 3:
-                    parts[side] = tree_at(known.tree, resolution=resolution or 6, cull=cull)
+                    parts[side] = tree_at(known.tree, resolution=resolution or _RANK_3, cull=cull)
                 else:
-                    parts[side] = TreePart(build(view, side, resolution=resolution or 6, cull=cull).tree)
+                    parts[side] = TreePart(
+                        build(view, side, resolution=resolution or _RANK_3, cull=cull).tree
+                    )
             else:
-                parts[side] = rank_4_part(view, side, resolution=resolution or 4)
+                built = build_tensor4(view, resolution=resolution or _RANK_4, cull=cull, sides=[side])
+                parts[side] = TreePart(built[side].tree)
             task.advance()
     return parts
-
-
-def flipped_part(part: Part) -> Part:
-    """One side of a sample that is turned over about its y axis, as the same side of its other face.
-
-    Both directions are mirrored in x. Cells of a tree and patches of a Klems basis go over into one another,
-    so no value changes; only rings with an odd number of patches do not, and are refused.
-    """
-    if isinstance(part, TreePart):
-        # A tree of rank 3 is seen with the light from phi = 0, where the mirror swaps left and right.
-        return TreePart(_mirrored(part.tree, (2,) if part.tree.rank == 3 else (0, 2)))
-    if not isinstance(part, KlemsPart):
-        raise PhysicsError("a side made by reciprocity is converted with its model, not alone.")
-    rows, columns = (_mirror_patches(b) for b in (part.outgoing, part.incident))
-    return KlemsPart(
-        matrix=part.matrix[np.ix_(rows, columns)], incident=part.incident, outgoing=part.outgoing
-    )
-
-
-def _mirror_patches(basis: KlemsBasis) -> NDArray[np.int64]:
-    """The patch that each patch becomes when x changes its sign."""
-    out = []
-    for first, count in zip(basis.first, basis.phi_count):
-        if count > 1 and count % 2:
-            raise PhysicsError(f"the basis {basis.name} has rings of an odd number of patches; name another.")
-        out.append(first + np.mod(count // 2 - np.arange(count), count))
-    return np.concatenate(out)
-
-
-def _mirrored(tree: TensorTree, axes: tuple[int, ...]) -> TensorTree:
-    """A tree with some of its coordinates p replaced by 1 - p."""
-    width = 1 << tree.rank
-    mask = sum(1 << k for k in axes)
-    child = tree.child.reshape(-1, width)[:, np.arange(width) ^ mask].ravel()
-    values = tree.values.copy()
-    for node in np.flatnonzero(tree.log2 != BRANCH):
-        edge = 1 << int(tree.log2[node])
-        first, last = int(tree.start[node]), int(tree.start[node]) + edge**tree.rank
-        values[first:last] = np.flip(tree.values[first:last].reshape((edge,) * tree.rank), axes).ravel()
-    return replace(tree, child=child, values=values)
-
-
-def _patch_points(basis: KlemsBasis, patches: NDArray[np.int64], k: int) -> tuple[Array, Array]:
-    """Direction cosines [P, k * k] of k x k parts of equal projected solid angle of some patches."""
-    ring = np.searchsorted(basis.first, patches, side="right") - 1
-    s2 = np.sin(np.radians(basis.bounds_deg)) ** 2
-    step = (np.arange(k) + 0.5) / k
-    r = np.sqrt(s2[ring, None] + step * (s2[ring + 1] - s2[ring])[:, None])
-    wide = 2 * np.pi / np.asarray(basis.phi_count)[ring]
-    phi = ((patches - basis.first[ring])[:, None] - 0.5 + step) * wide[:, None]
-    x, y = r[:, :, None] * np.cos(phi)[:, None, :], r[:, :, None] * np.sin(phi)[:, None, :]
-    return x.reshape(len(patches), -1), y.reshape(len(patches), -1)
-
-
-def _incident(basis: KlemsBasis, patch: int, radial: int, across: int) -> tuple[Array, Array, Array]:
-    """theta_i, phi_i [K] in degrees over an incident patch, and weights of Gauss's rule along cos(theta)."""
-    ring = int(np.searchsorted(basis.first, patch, side="right")) - 1
-    count = basis.phi_count[ring]
-    high, low = np.cos(np.radians(basis.bounds_deg[ring : ring + 2]))
-    g, w = np.polynomial.legendre.leggauss(radial)
-    c = 0.5 * (high + low) + 0.5 * (high - low) * g
-    across *= 8 // count if count < 8 else 1
-    phi = (patch - basis.first[ring] - 0.5 + (np.arange(across) + 0.5) / across) * 360.0 / count
-    theta, azimuth = np.meshgrid(np.degrees(np.arccos(c)), phi, indexing="ij")
-    weight = np.repeat(w * c, across)
-    # A patch of the incident direction is found from (ix, -iy).
-    return theta.ravel(), -azimuth.ravel(), weight / weight.sum()
-
-
-def _patch_tau(model: ScatteringModel, side: str, basis: KlemsBasis) -> Array:
-    """Direct-hemispherical value of the model averaged over each incident patch."""
-    out = np.empty(basis.patches)
-    for ring, (first, count) in enumerate(zip(basis.first, basis.phi_count)):
-        s2 = np.sin(np.radians(basis.bounds_deg[ring : ring + 2])) ** 2
-        parts = 64 if is_isotropic(model) else 12
-        theta = np.degrees(np.arcsin(np.sqrt(s2[0] + (np.arange(parts) + 0.5) / parts * (s2[1] - s2[0]))))
-        if is_isotropic(model):
-            tau = np.asarray(model.direct_hemispherical(side, theta, 0.0), float)
-            out[first : first + count] = np.nanmean(tau) if np.isfinite(tau).any() else np.nan
-            continue
-        across = max(4, 24 // count)
-        for k in range(count):
-            phi = -(k - 0.5 + (np.arange(across) + 0.5) / across) * 360.0 / count
-            tau = np.asarray(model.direct_hemispherical(side, theta[:, None], phi[None, :]), float)
-            out[first + k] = np.nanmean(tau) if np.isfinite(tau).any() else np.nan
-    if np.isnan(out).any():
-        raise PhysicsError(f"the model has no data for {side.replace('_', ' ')} in some incident patches.")
-    return out
-
-
-def klems_part(model: ScatteringModel, side: str, basis: KlemsBasis) -> KlemsPart:
-    """One side of a model as a matrix: the mean of the BSDF over each pair of patches.
-
-    An outgoing patch is averaged over more points where the model's own quadrature is dense. Each column is
-    scaled so that it adds up to the model's direct-hemispherical value averaged over the incident patch.
-    """
-    tau = _patch_tau(model, side, basis)
-    matrix = np.zeros((basis.patches, basis.patches))
-    for first, count in zip(basis.first, basis.phi_count):
-        if is_isotropic(model):
-            matrix[:, first : first + count] = _isotropic_columns(model, side, basis, int(first), count)
-            continue
-        for j in range(first, first + count):
-            for theta, phi, weight in zip(*_incident(basis, j, _RADIAL, _ACROSS)):
-                matrix[:, j] += weight * _patch_means(model, side, basis, float(theta), float(phi))
-    total = basis.solid_angle @ matrix
-    scale = np.where(total > 0, tau / np.where(total > 0, total, 1.0), 1.0)
-    return KlemsPart(matrix=matrix * scale, incident=basis, outgoing=basis)
-
-
-def _isotropic_columns(model: ScatteringModel, side: str, basis: KlemsBasis, first: int, count: int) -> Array:
-    """Columns of one incident ring: the distribution at phi_i = 0, turned to every azimuth of the ring."""
-    # Cells of the square lie in rings; a point anywhere in each keeps whole rings from falling on one side of
-    # the edge of a patch.
-    rng = np.random.default_rng(first)
-    k = np.arange(_CELLS)
-    out = np.zeros((basis.patches, count))
-    theta_i, phi_i, weight = _incident(basis, first, _FINE, _FINE)
-    for theta in np.unique(theta_i):
-        jitter = rng.uniform(size=(2, _CELLS, _CELLS))
-        a, b = (k[:, None] + jitter[0]) / _CELLS, (k[None, :] + jitter[1]) / _CELLS
-        x, y = (v.ravel() for v in square_to_disk(a, b))
-        light = cell_means(model, side, theta_i_deg=float(theta), n=_CELLS).ravel() * (np.pi / _CELLS**2)
-        for phi, w in zip(phi_i[theta_i == theta], weight[theta_i == theta]):
-            for j in range(count):
-                turn = np.radians(phi - 360.0 * j / count)
-                c, d = np.cos(turn), np.sin(turn)
-                row = basis.index(-(x * c - y * d), x * d + y * c)
-                out[:, j] += w * np.bincount(row, light, basis.patches)
-    return out / basis.solid_angle[:, None]
-
-
-def _overlap(new: KlemsBasis, old: KlemsBasis, angle_deg: float) -> Array:
-    """[new, old] share of each new patch that lies in each old one, turned by an angle before."""
-    x, y = _patch_points(new, np.arange(new.patches), _MOST)
-    c, d = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
-    number = old.index(x * c + y * d, y * c - x * d) + old.patches * np.arange(new.patches)[:, None]
-    share = np.bincount(number.ravel(), minlength=new.patches * old.patches)
-    return share.reshape(new.patches, old.patches) / _MOST**2
-
-
-def matrix_between(part: KlemsPart, basis: KlemsBasis, angles_deg: Sequence[float] = (0.0,)) -> KlemsPart:
-    """A matrix on other patches, turned about the normal and averaged over some angles.
-
-    Every new value is the mean of the old ones over the pair of new patches. Columns are scaled so that the
-    light of the old incident patches is kept.
-    """
-    old = np.maximum(part.matrix, 0.0)
-    sums = part.outgoing.solid_angle @ old
-    matrix, tau = np.zeros((basis.patches, basis.patches)), np.zeros(basis.patches)
-    for angle in angles_deg:
-        # Both patches are found with x or y reversed, so that the turn runs the other way in them.
-        into = _overlap(basis, part.incident, -angle)
-        matrix += _overlap(basis, part.outgoing, -angle) @ old @ into.T / len(angles_deg)
-        tau += into @ sums / len(angles_deg)
-    total = basis.solid_angle @ matrix
-    scale = np.where(total > 0, tau / np.where(total > 0, total, 1.0), 1.0)
-    return KlemsPart(matrix=matrix * scale, incident=basis, outgoing=basis)
-
-
-def _patch_means(model: ScatteringModel, side: str, basis: KlemsBasis, theta: float, phi: float) -> Array:
-    q = model.quadrature(side, theta, phi)
-    number = np.bincount(basis.index(-q.ux, q.uy), minlength=basis.patches)
-    points = np.clip(np.ceil(2 * np.sqrt(number) / _LEAST) * _LEAST, _LEAST, _MOST).astype(int)
-    out = np.empty(basis.patches)
-    for k in np.unique(points):
-        patches = np.flatnonzero(points == k)
-        x, y = _patch_points(basis, patches, int(k))
-        out[patches] = np.nan_to_num(model.evaluate(side, theta, phi, -x, y)).mean(axis=1)
-    return out
 
 
 def tree_at(tree: TensorTree, *, resolution: int, cull: float | None = None) -> TreePart:
@@ -408,52 +238,3 @@ def tree_at(tree: TensorTree, *, resolution: int, cull: float | None = None) -> 
     cells = cells.astype(np.float32)
     tau = cells.sum(axis=(1, 2), dtype=float) * np.pi / cells.shape[1] ** 2
     return TreePart(_assemble(*reduce_cells(cells, tau, cull=cull)))
-
-
-def rank_4_part(model: ScatteringModel, side: str, *, resolution: int) -> TreePart:
-    """One side of a model as a tree of rank 4 with cells of one size.
-
-    Each incident cell stands for the mean over 2 x 2 directions in it, and its outgoing cells add up to the
-    model's direct-hemispherical value averaged over 4 x 4 directions.
-
-    Parameters
-    ----------
-    model, side : what is converted.
-    resolution : g, 2 to 5: 2^g cells along each of the four edges.
-    """
-    if not 2 <= resolution <= 5:
-        raise PhysicsError(f"a tree of rank 4 is made at resolutions 2 to 5, not {resolution}.")
-    n = 1 << resolution
-    cells = np.zeros((n, n, n, n), np.float32)
-    for i in range(n):
-        for j in range(n):
-            tau = np.nanmean(model.direct_hemispherical(side, *_cell_directions(i, j, n, 4)))
-            total = np.zeros((n, n))
-            for theta, phi in zip(*_cell_directions(i, j, n, 2)):
-                total += _square_means(model, side, float(theta), float(phi), n)
-            sum_ = total.sum() * np.pi / n**2
-            cells[i, j] = total * (tau / sum_ if sum_ > 0 else 1.0)
-    return TreePart(
-        TensorTree(
-            rank=4,
-            log2=np.array([resolution], np.int8),
-            start=np.zeros(1, np.int64),
-            child=np.zeros(0, np.int32),
-            values=cells.ravel(),
-        )
-    )
-
-
-def _cell_directions(i: int, j: int, n: int, k: int) -> tuple[Array, Array]:
-    """theta_i, phi_i [k * k] in degrees within one incident cell of a tree of rank 4."""
-    step = (np.arange(k) + 0.5) / k
-    a, b = np.meshgrid((i + step) / n, (j + step) / n, indexing="ij")
-    x, y = square_to_disk(a.ravel(), b.ravel())
-    return np.degrees(np.arcsin(np.minimum(np.hypot(x, y), 1.0))), np.degrees(np.arctan2(-y, x))
-
-
-def _square_means(model: ScatteringModel, side: str, theta: float, phi: float, n: int) -> Array:
-    """Means over the outgoing cells of a tree of rank 4, which counts x the other way."""
-    q = model.quadrature(side, theta, phi)
-    own = _count(*disk_to_square(-q.ux, q.uy), n)
-    return np.nan_to_num(_means(lambda x, y: model.evaluate(side, theta, phi, -x, y), square_to_disk, own))

@@ -12,12 +12,15 @@ from numpy.typing import ArrayLike
 
 from specularia import progress
 from specularia.bsdf import xml_write
+from specularia.bsdf.azimuth import azimuth_loss
+from specularia.bsdf.build_rank4 import build_tensor4
 from specularia.bsdf.build_tree import Built, build
 from specularia.bsdf.model import Array, ScatteringModel
-from specularia.bsdf.tabulated import TabulatedModel, read_model, write_model
+from specularia.bsdf.tabulated import TabulatedModel
+from specularia.bsdf.tabulated_io import read_model, write_model
 from specularia.bsdf.xml_model import Part, TreePart, XmlModel
 from specularia.bsdf.xml_read import read_xml
-from specularia.errors import FormatError, OutputError, SpeculariaWarning
+from specularia.errors import FormatError, OutputError, PhysicsError, SpeculariaWarning
 from specularia.files import existing, write_text
 
 __all__ = ["Written", "direct_hemispherical", "evaluate", "read", "write"]
@@ -76,6 +79,7 @@ def write(
     *,
     resolution: int | None = None,
     cull: float | None = None,
+    basis: str = "tensor3",
     name: str | None = None,
     thickness_mm: float | None = None,
 ) -> Written:
@@ -85,9 +89,13 @@ def write(
     ----------
     model : what to write.
     path : ends in .nc (tabulated models only) or .xml.
-    resolution : g of a rank-3 tree, 5 to 8: 2^(g-1) incidence bins, 2^g x 2^g outgoing cells. None writes a
-        model that came from XML with its own matrices or trees, and any other one with 6.
-    cull : percentage of the tree's cells to remove; None removes as many as move 1 % of the light.
+    resolution : g of a tree, 3 to 9 for tensor3 and 2 to 7 for tensor4: 2^g x 2^g outgoing cells, and
+        2^(g-1) or 2^g x 2^g incident ones. None writes a model that came from XML with its own matrices or
+        trees (unless `basis` says tensor4), and any other one with 6.
+    cull : percentage of the tree's cells to remove; None removes as many as move 1 % of the light (tensor3)
+        or 2 % (tensor4).
+    basis : tensor3, small and isotropic, or tensor4, which keeps direct sun right at every angle and also
+        holds samples that are not isotropic.
     name : of the material; None takes the model's.
     thickness_mm : of the pane; None takes the model's attribute of that name, where there is one.
 
@@ -111,7 +119,9 @@ def write(
     parts: dict[str, Part]
     more: dict[str, Mapping[str, Part]] = {}
     trees: dict[str, Built] = {}
-    if isinstance(model, XmlModel) and resolution is None:
+    if basis not in ("tensor3", "tensor4"):
+        raise PhysicsError(f"a tree is written as tensor3 or tensor4, not {basis!r}.")
+    if isinstance(model, XmlModel) and resolution is None and (basis == "tensor3" or model.rank == 4):
         parts = dict(model.parts)
         more = dict(model.all_bands)
     else:
@@ -121,7 +131,9 @@ def write(
                 SpeculariaWarning,
                 stacklevel=2,
             )
-        trees = _build_all(model, path, resolution=6 if resolution is None else resolution, cull=cull)
+        trees = _build_all(
+            model, path, basis=basis, resolution=6 if resolution is None else resolution, cull=cull
+        )
         parts = {s: TreePart(t.tree) for s, t in trees.items()}
     origins = {s: _origin(model, s) for s in parts}
     measured = attributes.get("measured_band", model.band)
@@ -149,14 +161,19 @@ def write(
 
 
 def _build_all(
-    model: ScatteringModel, path: Path, *, resolution: int, cull: float | None
+    model: ScatteringModel, path: Path, *, basis: str, resolution: int, cull: float | None
 ) -> dict[str, Built]:
     """Trees of all sides; a warning where reduction changes the light of a bin."""
     trees: dict[str, Built] = {}
     with progress.task(f"building the tensor tree of {path.name}", len(model.sides)) as task:
         for side in model.sides:
-            t = trees[side] = build(model, side, resolution=resolution, cull=cull)
+            if basis == "tensor4":
+                trees |= build_tensor4(model, resolution=resolution, cull=cull, sides=[side])
+            else:
+                trees[side] = build(model, side, resolution=resolution, cull=cull)
+                _warn_of_azimuths(model, side, path)
             task.advance()
+            t = trees[side]
             floor = np.maximum(t.tau_model, 1e-3 * max(float(t.tau_model.max()), 1e-12))
             off = float(np.max(np.abs(t.tau_tree - t.tau_model) / floor))
             if off > 2e-3:
@@ -167,6 +184,18 @@ def _build_all(
                     stacklevel=3,
                 )
     return trees
+
+
+def _warn_of_azimuths(model: ScatteringModel, side: str, path: Path) -> None:
+    """A tree of rank 3 holds the mean over azimuth: say how much of the light it puts elsewhere."""
+    lost = azimuth_loss(model, side)
+    if lost > 0.0:
+        warnings.warn(
+            f"{path.name}: the {side.replace('_', ' ')} is not isotropic, and a tree of rank 3 holds its "
+            f"mean over azimuth, which differs by {100 * lost:.0f} % of the light; tensor4 keeps it.",
+            SpeculariaWarning,
+            stacklevel=4,
+        )
 
 
 def _origin(model: ScatteringModel, side: str) -> str:

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from specularia.bsdf.cells import cell_means
+from specularia.bsdf.cells import _count, _means, cell_means, is_isotropic
 from specularia.bsdf.model import Array, ScatteringModel
-from specularia.conventions import square_to_disk
+from specularia.conventions import disk_to_square, square_to_disk
 from specularia.errors import CoverageError
 
 __all__ = ["Sample", "sample"]
@@ -58,7 +58,15 @@ def sample(
     CoverageError : the model has no data for this direction, or sends no light to this side.
     """
     n = cells or max(128, 1 << (getattr(model, "resolution", None) or 0))
-    mean = cell_means(model, side, theta_i_deg=theta_i_deg, phi_i_deg=phi_i_deg, n=n).ravel()
+    turn = phi_i_deg if is_isotropic(model) else 0.0
+    if is_isotropic(model):
+        mean = cell_means(model, side, theta_i_deg=theta_i_deg, phi_i_deg=phi_i_deg, n=n).ravel()
+    else:
+        # In the sample's own frame, where the cells of a tree of rank 4 are whole cells here.
+        q = model.quadrature(side, theta_i_deg, phi_i_deg)
+        own = _count(*disk_to_square(q.ux, q.uy), n)
+        mean = _means(lambda x, y: model.evaluate(side, theta_i_deg, phi_i_deg, x, y), square_to_disk, own)
+        mean = np.maximum(np.nan_to_num(mean), 0.0).ravel()
     total = mean.sum()
     if not total > 0:
         raise CoverageError(
@@ -67,7 +75,7 @@ def sample(
     upper = np.cumsum(mean) / total
     cell = np.minimum(np.searchsorted(upper, rng.random(count), side="right"), n * n - 1)
     x, y = square_to_disk((cell // n + rng.random(count)) / n, (cell % n + rng.random(count)) / n)
-    c, d = np.cos(np.radians(phi_i_deg)), np.sin(np.radians(phi_i_deg))
+    c, d = np.cos(np.radians(turn)), np.sin(np.radians(turn))
     ux, uy = x * c - y * d, x * d + y * c
     density = mean[cell] / (total * np.pi / n**2)
     return Sample(ux=ux, uy=uy, weight=model.evaluate(side, theta_i_deg, phi_i_deg, ux, uy) / density)

@@ -131,23 +131,31 @@ class TensorTree:
         -------
         (a, b, size, value) : lower corners, edge and value of the leaves; size^2 adds up to 1.
         """
-        fixed = self.rank - 2
-        p = np.clip(np.asarray(incident, float), 0.0, np.nextafter(1.0, 0.0))
+        return self._leaves(incident, tuple(range(self.rank - 2)))
+
+    def incoming(self, outgoing: Array) -> tuple[Array, Array, Array, Array]:
+        """All leaves of the incident square of a tree of rank 4 for one outgoing position [2]."""
+        return self._leaves(outgoing, (2, 3))
+
+    def _leaves(self, position: Array, fixed: tuple[int, ...]) -> tuple[Array, Array, Array, Array]:
+        """Leaves that the coordinates `fixed` lead to, as squares of the two others."""
+        p = np.clip(np.asarray(position, float), 0.0, np.nextafter(1.0, 0.0))
+        u_bit, v_bit = (k for k in range(self.rank) if k not in fixed)
         node, a, b, size = np.array([0]), np.zeros(1), np.zeros(1), 1.0
         parts: list[tuple[Array, Array, Array, Array]] = []
         while node.size:
             branch = self.log2[node] == BRANCH
-            for k in np.flatnonzero(~branch):
-                parts.append(self._grid_outgoing(int(node[k]), p, float(a[k]), float(b[k]), size))
+            for g in np.unique(self.log2[node[~branch]]):
+                k = np.flatnonzero(self.log2[node] == g)
+                parts.append(self._grid_leaves(node[k], int(g), p, fixed, a[k], b[k], size))
             node, a, b = node[branch], a[branch], b[branch]
             if not node.size:
                 break
             upper = p >= 0.5
             p = 2.0 * p - upper
             size *= 0.5
-            low = int(upper @ (1 << np.arange(fixed)))
-            # The two outgoing coordinates are the two highest bits of the child's number.
-            quarter = [(low | (u << fixed) | (v << (fixed + 1)), u, v) for u in (0, 1) for v in (0, 1)]
+            low = int(upper @ (1 << np.array(fixed)))
+            quarter = [(low | (u << u_bit) | (v << v_bit), u, v) for u in (0, 1) for v in (0, 1)]
             kids = self._children(node)
             node = np.concatenate([kids[:, c] for c, _, _ in quarter])
             a, b = (
@@ -157,21 +165,26 @@ class TensorTree:
         aa, bb, ss, vv = (np.concatenate(x) for x in zip(*parts))
         return aa, bb, ss, vv
 
-    def _grid_outgoing(
-        self, node: int, p: Array, a: float, b: float, size: float
+    def _grid_leaves(
+        self,
+        nodes: NDArray[np.integer],
+        g: int,
+        p: Array,
+        fixed: tuple[int, ...],
+        a: Array,
+        b: Array,
+        size: float,
     ) -> tuple[Array, Array, Array, Array]:
-        g = int(self.log2[node])
+        """The leaves of grids of one size, whose lower corners are (a, b)."""
         n = 1 << g
-        block = self.values[self.start[node] : self.start[node] + (1 << (self.rank * g))]
-        block = block.reshape((n,) * self.rank)[tuple(np.minimum((p * n).astype(int), n - 1))]
+        stride = [n ** (self.rank - 1 - k) for k in range(self.rank)]
+        at = sum(int(i) * stride[k] for i, k in zip(np.minimum((p * n).astype(int), n - 1), fixed))
+        u, v = (k for k in range(self.rank) if k not in fixed)
+        i, j = (x.ravel() for x in np.meshgrid(np.arange(n), np.arange(n), indexing="ij"))
+        where = self.start[nodes][:, None] + (at + i * stride[u] + j * stride[v])[None, :]
         edge = size / n
-        k = np.arange(n) * edge
-        return (
-            np.repeat(a + k, n),
-            np.tile(b + k, n),
-            np.full(n * n, edge),
-            block.ravel().astype(float),
-        )
+        corners = (a[:, None] + i * edge).ravel(), (b[:, None] + j * edge).ravel()
+        return *corners, np.full(where.size, edge), self.values[where.ravel()].astype(float)
 
     @classmethod
     def from_text(cls, text: str, rank: int) -> TensorTree:
@@ -256,7 +269,7 @@ class TensorTree:
 
     def to_text(self) -> str:
         """The text that `from_text` reads, with seven significant digits."""
-        words = [f"{v:.7g}" for v in self.values.tolist()]
+        seven = "{:.7g}".format
         lines: list[str] = []
         width = 1 << self.rank
         stack: list[tuple[int, int]] = [(0, 0)]
@@ -268,7 +281,8 @@ class TensorTree:
             first = int(self.start[node])
             if self.log2[node] != BRANCH:
                 last = first + (1 << (self.rank * int(self.log2[node])))
-                rows = [" ".join(words[k : min(k + 16, last)]) for k in range(first, last, 16)]
+                words = list(map(seven, self.values[first:last].tolist()))
+                rows = [" ".join(words[k : k + 16]) for k in range(0, len(words), 16)]
                 lines.append(" " * depth + "{ " + ("\n" + " " * (depth + 2)).join(rows) + " }")
                 continue
             lines.append(" " * depth + "{")

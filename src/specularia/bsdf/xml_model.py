@@ -24,7 +24,7 @@ from specularia.bsdf.tensor_tree import TensorTree
 from specularia.conventions import SIDES, disk_to_square, square_to_disk
 from specularia.errors import CoverageError
 
-__all__ = ["KlemsPart", "Part", "TreePart", "XmlModel", "circle_sum"]
+__all__ = ["KlemsPart", "Part", "TreePart", "XmlModel", "circle_sum", "column_sum"]
 
 _FTINY = 1e-6
 """Radiance keeps this distance from the middle of a rank-3 tree: normal incidence reads its lower half."""
@@ -259,6 +259,16 @@ def circle_sum(tree: TensorTree, s: Array) -> Array:
         )
         mean = np.maximum(tree.lookup(position), 0.0).reshape(bins, -1) @ weight
         out[k] = np.pi * np.sum((edges[:-1] ** 2 - edges[1:] ** 2) * mean)
+    return out
+
+
+def column_sum(tree: TensorTree, ux: Array, uy: Array) -> Array:
+    """What a tree of rank 4 sends into the cell that holds (ux, uy) [N], from all incident cells together."""
+    a, b = disk_to_square(-ux, uy)
+    out = np.empty(a.shape)
+    for k in range(a.size):
+        _, _, size, value = tree.incoming(np.array([a[k], b[k]]))
+        out[k] = np.pi * np.sum(size**2 * np.maximum(value, 0.0))
     return out
 
 

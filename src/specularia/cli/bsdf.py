@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from enum import StrEnum
 from io import BytesIO
 from pathlib import Path
@@ -159,7 +160,10 @@ def slice_(
         if theta == 90.0:
             raise typer.BadParameter("90 degrees is light along the pane", param_hint="--theta")
         writable(output)
-        found = bsdf.transmitted_slice(bsdf.read(file, band=band), theta_deg=theta, phi_deg=phi, size=size)
+        with _named(file):
+            found = bsdf.transmitted_slice(
+                bsdf.read(file, band=band), theta_deg=theta, phi_deg=phi, size=size
+            )
         with atomic(output) as temporary:
             np.savez_compressed(temporary, ux=found.ux, uy=found.uy, bsdf=found.bsdf)
         total = float(np.nansum(found.bsdf) * (2.0 / size) ** 2)
@@ -203,6 +207,9 @@ def compare(
         from specularia.report import figures
 
         (model_a, points_a), (model_b, points_b) = _source(a), _source(b)
+        for path, model in ((a, model_a), (b, model_b)):
+            with _named(path):
+                model.quadrature(side.value, 0.0)
         models = {"A": model_a, "B": model_b}
         rows = bsdf.compare(*models.values(), theta_deg=angles, phi_deg=phi, side=side.value)
         folder = make_folder(output)
@@ -238,6 +245,9 @@ class BasisName(StrEnum):
     tensor4 = "tensor4"
 
 
+_RESOLUTIONS = {"tensor3": (3, 9), "tensor4": (2, 7)}
+
+
 @app.command()
 def convert(
     file: File,
@@ -255,7 +265,10 @@ def convert(
         bool, typer.Option("--flip", help="Turn the sample over about its y axis: front becomes back.")
     ] = False,
     rotate: Annotated[
-        float, typer.Option("--rotate", help="Turn it about its normal, degrees, seen from the front.")
+        float,
+        typer.Option(
+            "--rotate", min=-360.0, max=360.0, help="Turn it about its normal, degrees, seen from the front."
+        ),
     ] = 0.0,
     isotropic: Annotated[bool, typer.Option("--isotropic", help="Average it over all azimuths.")] = False,
     as_json: Json = False,
@@ -268,6 +281,14 @@ def convert(
 
         if output.suffix != ".xml":
             raise typer.BadParameter(f"{output} does not end in .xml", param_hint="-o")
+        klems = basis is not None and basis.value.startswith("klems")
+        if klems and (resolution is not None or cull is not None):
+            raise typer.BadParameter("a Klems matrix has its own patches", param_hint="--resolution, --cull")
+        least, most = _RESOLUTIONS.get("" if basis is None else basis.value, (2, 9))
+        if resolution is not None and not least <= resolution <= most:
+            raise typer.BadParameter(
+                f"{resolution} does not lie between {least} and {most}", param_hint="--resolution"
+            )
         writable(output)
         converted = bsdf.convert(
             bsdf.read(file),
@@ -298,6 +319,39 @@ def convert(
 
 
 @app.command()
+def mitsuba(
+    file: File,
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the table, plugin and scene.")],
+    resolution: Annotated[
+        int, typer.Option("--resolution", min=4, max=8, help="2^g outgoing cells along an edge.")
+    ] = 7,
+    band: Band = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """A table for Mitsuba 3, with the plugin that renders it and a scene that shows how."""
+    with session(quiet=quiet):
+        from specularia import bsdf
+        from specularia.files import make_folder
+
+        model = bsdf.read(file, band=band)
+        made = bsdf.export_mitsuba(model, make_folder(output), resolution=resolution)
+        payload = {
+            "path": str(made.folder.resolve()),
+            "files": [str(f.resolve()) for f in made.files],
+            "band": model.band,
+            "sides": list(made.tau),
+            "theta_deg": made.theta_deg.tolist(),
+            "tau": {s: t.tolist() for s, t in made.tau.items()},
+        }
+        lines = [
+            f"{made.folder}: {', '.join(f.name for f in made.files)}",
+            "In Python: set a variant of Mitsuba, import specularia_bsdf from that folder, load the scene.",
+        ]
+        emit(payload, as_json=as_json, lines=lines)
+
+
+@app.command()
 def view(
     file: File,
     output: Annotated[Path, typer.Option("-o", "--output", help="The .html file to write.")],
@@ -311,6 +365,8 @@ def view(
         from specularia.files import writable
         from specularia.report.viewer import write_view
 
+        if output.suffix not in (".html", ".htm"):
+            raise typer.BadParameter(f"{output} does not end in .html", param_hint="-o")
         writable(output)
         models = {file.stem: bsdf.read(file, band=band)}
         path = write_view(models, output, title=file.name, synthetic=_synthetic(models))
@@ -319,6 +375,17 @@ def view(
 
 def _synthetic(models: dict[str, TabulatedModel | XmlModel]) -> bool:
     return any("synthetic" in m.attributes for m in models.values())
+
+
+@contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """A side or a direction that a model does not hold is reported with the file's name."""
+    from specularia.errors import CoverageError
+
+    try:
+        yield
+    except CoverageError as error:
+        raise CoverageError(str(error) if str(path) in str(error) else f"{path}: {error}") from error
 
 
 def _source(path: Path) -> tuple[TabulatedModel | XmlModel, list[Table]]:
@@ -333,5 +400,9 @@ def _source(path: Path) -> tuple[TabulatedModel | XmlModel, list[Table]]:
     from specularia import gonio
 
     files = sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]
+    if not files:
+        from specularia.errors import FormatError
+
+        raise FormatError(file=path, expected="measured tables", found="an empty folder")
     tables = [t for p in files for t in gonio.read(p)]
     return gonio.fit(tables), tables

@@ -1,12 +1,15 @@
 """The pane as a slab between two reliefs: faces, medium, bubbles, and the tracer (Model C)."""
 
 from specularia.glass import closed_form
-from specularia.glass.bubbles import BubbleKind, Bubbles, read_bubbles, sample_bubbles, write_bubbles
+from specularia.glass.bubble_files import read_bubbles, write_bubbles
+from specularia.glass.bubbles import BubbleKind, Bubbles, Inside, sample_bubbles
 from specularia.glass.faces import Face
 from specularia.glass.medium import Medium, Spectrum
 from specularia.glass.model import model
+from specularia.glass.patch import Patch
+from specularia.glass.reweight import reweight
 from specularia.glass.settings import read_slab
-from specularia.glass.slab import Slab
+from specularia.glass.slab import Slab, patches
 from specularia.glass.trace import EnergyBalance, Paths, trace, trace_paths
 
 __all__ = [
@@ -14,14 +17,18 @@ __all__ = [
     "Bubbles",
     "EnergyBalance",
     "Face",
+    "Inside",
     "Medium",
+    "Patch",
     "Paths",
     "Slab",
     "Spectrum",
     "closed_form",
     "model",
+    "patches",
     "read_bubbles",
     "read_slab",
+    "reweight",
     "sample_bubbles",
     "trace",
     "trace_paths",

@@ -1,24 +1,22 @@
-"""Air bubbles in the glass: ellipsoids of revolution in a cell that repeats along the pane."""
+"""Bubbles and inclusions in the glass: ellipsoids of revolution, as a list in a cell that repeats along the
+pane, or by their statistics."""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Self
+from dataclasses import dataclass, replace
+from typing import Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from specularia.errors import FormatError, PhysicsError, SpeculariaWarning
-from specularia.files import atomic, existing, write_text
+from specularia.errors import PhysicsError, SpeculariaWarning
 
-__all__ = ["BubbleKind", "Bubbles", "read_bubbles", "sample_bubbles", "write_bubbles"]
+__all__ = ["AIR", "BubbleKind", "Bubbles", "Inside", "sample_bubbles"]
 
 Array = NDArray[np.float64]
-
-_COLUMNS = ("x_mm", "y_mm", "z_mm", "long_mm", "short_mm", "axis_x", "axis_y", "axis_z")
+Placing = Literal["cell", "free flight"]
 
 COUNT = 1000
 """Bubbles wanted in a sampled cell: its sides are chosen between `CELL_MM` to hold about that many."""
@@ -34,8 +32,37 @@ TRIES = 200
 
 
 @dataclass(frozen=True)
+class Inside:
+    """What fills a bubble or an inclusion.
+
+    Attributes
+    ----------
+    index : refractive index, 1 for air; None for that of the glass around it, which bends no light.
+    absorption_per_mm : Napierian, >= 0; inf for an opaque body, which takes all light that meets it.
+    """
+
+    index: float | None = 1.0
+    absorption_per_mm: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.index is not None and not 1.0 <= self.index < 5.0:
+            raise PhysicsError(f"the index inside an inclusion lies between 1 and 5, not at {self.index}.")
+        if not self.absorption_per_mm >= 0.0:
+            raise PhysicsError(f"absorption_per_mm of an inclusion is >= 0, not {self.absorption_per_mm}.")
+
+    @property
+    def row(self) -> tuple[float, float]:
+        """For the tracer: index (0 for that of the glass) and absorption in 1/um (-1 for opaque)."""
+        opaque = np.isinf(self.absorption_per_mm)
+        return self.index or 0.0, -1.0 if opaque else 1e-3 * self.absorption_per_mm
+
+
+AIR = Inside()
+
+
+@dataclass(frozen=True)
 class Bubbles:
-    """An explicit list of bubbles.
+    """An explicit list of bubbles or inclusions.
 
     Attributes
     ----------
@@ -43,6 +70,7 @@ class Bubbles:
     long_mm, short_mm : [N] half axes, along the axis of revolution and across it, 0 < short <= long.
     axis : [N, 3] of the long half axis; any length but 0.
     cell_mm : the list repeats along x and y with these periods; a bubble is at most half as wide.
+    inside : what fills them: [N] or one for all.
 
     Notes
     -----
@@ -54,6 +82,7 @@ class Bubbles:
     short_mm: Array
     axis: Array
     cell_mm: tuple[float, float]
+    inside: tuple[Inside, ...] = (AIR,)
 
     def __post_init__(self) -> None:
         for name in ("centre_mm", "long_mm", "short_mm", "axis"):
@@ -63,6 +92,10 @@ class Bubbles:
             raise PhysicsError("centres and axes of bubbles have the shape [N, 3].")
         if self.long_mm.shape != (n,) or self.short_mm.shape != (n,):
             raise PhysicsError("half axes of bubbles have the shape [N].")
+        if len(self.inside) == 1:
+            object.__setattr__(self, "inside", self.inside * n)
+        if len(self.inside) != n:
+            raise PhysicsError(f"{len(self.inside)} fillings for {n} bubbles.")
         length = np.linalg.norm(self.axis, axis=1)
         for name in ("centre_mm", "long_mm", "short_mm", "axis"):
             if not np.all(np.isfinite(getattr(self, name))):
@@ -113,12 +146,17 @@ class Bubbles:
             short_mm=np.concatenate([p.short_mm for p in parts]),
             axis=np.concatenate([p.axis for p in parts]),
             cell_mm=parts[0].cell_mm,
+            inside=tuple(i for p in parts for i in p.inside),
         )
+
+    def filled_with(self, inside: Inside) -> Self:
+        """The same bodies with something else inside."""
+        return replace(self, inside=(inside,) * len(self))
 
 
 @dataclass(frozen=True)
 class BubbleKind:
-    """A kind of bubbles by its statistics.
+    """A kind of bubbles or inclusions by its statistics.
 
     Attributes
     ----------
@@ -127,6 +165,10 @@ class BubbleKind:
         and standard deviation sigma >= 0.
     elongation : long axis over short axis, >= 1.
     axis : direction of the long axis.
+    inside : what fills them.
+    placing : "cell" draws a list of them, without overlap, into a cell that repeats. "free flight" draws
+        those that a path meets along its way, independently for each way, from the same statistics: there is
+        no cell, and the answer is the mean over all panes that the statistics describe.
     """
 
     per_cm3: float
@@ -134,6 +176,8 @@ class BubbleKind:
     sigma: float = 0.0
     elongation: float = 1.0
     axis: tuple[float, float, float] = (0.0, 1.0, 0.0)
+    inside: Inside = AIR
+    placing: Placing = "cell"
 
 
 def sample_bubbles(
@@ -188,7 +232,8 @@ def sample_bubbles(
     placed: list[Bubbles] = []
     for kind, axis, long, short, reach in parts:
         centres = _place(placed, kind, axis, long, short, reach, low_mm, high_mm, cell_mm, rng)
-        placed.append(Bubbles(centres, long, short, np.tile(axis, (len(long), 1)), cell_mm))
+        axes = np.tile(axis, (len(long), 1))
+        placed.append(Bubbles(centres, long, short, axes, cell_mm, (kind.inside,) * len(long)))
     return Bubbles.join(placed)
 
 
@@ -266,99 +311,18 @@ def _nearest_image(way: Array, cell: Array) -> Array:
     return way - np.where(np.isfinite(cell), np.round(way / finite) * finite, 0.0)
 
 
-def read_bubbles(path: str | Path) -> Bubbles:
-    """Read a list of bubbles.
-
-    A .npz holds centre_mm, long_mm, short_mm, axis and cell_mm. A .csv has a first line "# cell_mm: X, Y", a
-    line of names x_mm, y_mm, z_mm, long_mm, short_mm, axis_x, axis_y, axis_z, and one bubble a line.
-    """
-    path = existing(path, what="a list of bubbles (.csv or .npz)")
-    if path.suffix.lower() == ".npz":
-        try:
-            with np.load(path, allow_pickle=False) as f:
-                cell = np.asarray(f["cell_mm"], float)
-                return Bubbles(
-                    f["centre_mm"],
-                    f["long_mm"],
-                    f["short_mm"],
-                    f["axis"],
-                    (float(cell[0]), float(cell[1])),
-                )
-        except PhysicsError:
-            raise
-        except Exception as error:
-            raise FormatError(
-                file=path,
-                expected="arrays centre_mm, long_mm, short_mm, axis and cell_mm",
-                found=f"{error}",
-            ) from error
-    if path.suffix.lower() != ".csv":
-        raise FormatError(
-            file=path, expected="a list of bubbles in .csv or .npz", found=path.suffix or "no suffix"
-        )
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (UnicodeDecodeError, OSError) as error:
-        raise FormatError(file=path, expected="a text file", found=str(error)) from error
-    first = lines[0] if lines else ""
-    try:
-        word, _, rest = first.lstrip("# ").partition(":")
-        cell_x, cell_y = (float(c) for c in rest.split(","))
-        if word.strip() != "cell_mm":
-            raise ValueError
-    except ValueError:
-        raise FormatError(file=path, line=1, expected="# cell_mm: X, Y", found=repr(first)) from None
-    names = tuple(c.strip() for c in lines[1].split(",")) if len(lines) > 1 else ()
-    if names != _COLUMNS:
-        raise FormatError(
-            file=path, line=2, expected=", ".join(_COLUMNS), found=", ".join(names) or "nothing"
-        )
-    rows = []
-    for number, line in enumerate(lines[2:], 3):
-        if not line.strip():
-            continue
-        try:
-            row = [float(c) for c in line.split(",")]
-        except ValueError:
-            row = []
-        if len(row) != len(_COLUMNS) or not np.all(np.isfinite(row)):
-            raise FormatError(file=path, line=number, expected=f"{len(_COLUMNS)} numbers", found=repr(line))
-        rows.append(row)
-    a = np.array(rows).reshape(-1, len(_COLUMNS))
-    return Bubbles(a[:, :3], a[:, 3], a[:, 4], a[:, 5:], (cell_x, cell_y))
-
-
-def write_bubbles(bubbles: Bubbles, path: str | Path) -> Path:
-    """Write a list of bubbles as .csv or .npz, in the form that `read_bubbles` reads."""
-    path = Path(path)
-    if path.suffix.lower() == ".npz":
-        with atomic(path) as temporary:
-            np.savez(
-                temporary,
-                centre_mm=bubbles.centre_mm,
-                long_mm=bubbles.long_mm,
-                short_mm=bubbles.short_mm,
-                axis=bubbles.axis,
-                cell_mm=np.asarray(bubbles.cell_mm),
-            )
-        return path
-    table = np.column_stack([bubbles.centre_mm, bubbles.long_mm, bubbles.short_mm, bubbles.axis])
-    lines = [f"# cell_mm: {bubbles.cell_mm[0]!r}, {bubbles.cell_mm[1]!r}", ", ".join(_COLUMNS)]
-    lines += [", ".join(repr(float(v)) for v in row) for row in table]
-    return write_text(path, "\n".join(lines) + "\n")
-
-
 def pack(bubbles: Bubbles | None) -> tuple[Array, NDArray[np.int64], NDArray[np.int64], Array]:
     """The arrays of the tracer, lengths in um.
 
     Returns
     -------
-    matrices : [N, 9] centre, then xx, yy, zz, xy, xz, yz of M with |M (p - centre)| = 1 on the bubble's wall.
+    matrices : [N, 11] centre, then xx, yy, zz, xy, xz, yz of M with |M (p - centre)| = 1 on the bubble's
+        wall, and what is inside (`Inside.row`).
     first, member : cell c of a plane grid has the bubbles member[first[c]:first[c+1]] over it.
     grid : [4] cells along x and y, and their sizes.
     """
     if bubbles is None or len(bubbles) == 0:
-        return np.empty((0, 9)), np.zeros(2, np.int64), np.zeros(0, np.int64), np.ones(4)
+        return np.empty((0, 11)), np.zeros(2, np.int64), np.zeros(0, np.int64), np.ones(4)
     n = len(bubbles)
     long, short, axis = 1e3 * bubbles.long_mm, 1e3 * bubbles.short_mm, bubbles.axis
     m = (1.0 / short)[:, None, None] * np.eye(3) + (1.0 / long - 1.0 / short)[:, None, None] * (
@@ -368,6 +332,7 @@ def pack(bubbles: Bubbles | None) -> tuple[Array, NDArray[np.int64], NDArray[np.
         [
             1e3 * bubbles.centre_mm,
             m[:, 0, 0], m[:, 1, 1], m[:, 2, 2], m[:, 0, 1], m[:, 0, 2], m[:, 1, 2],
+            np.array([i.row for i in bubbles.inside]),
         ]
     )  # fmt: skip
     # About one bubble to a cell, and cells no smaller than a typical bubble. Two along each side at least:

@@ -3,28 +3,26 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
-from typing import Literal, Self
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from specularia.errors import PhysicsError, SpeculariaWarning
+from specularia.glass import tiling as tilings
+from specularia.glass.tiling import Tiling, TilingReport
 from specularia.surface.heightmap import HeightMap, filled
 
 __all__ = ["MISSING_LIMIT", "Face", "Tiling"]
 
 Array = NDArray[np.float64]
-Tiling = Literal["periodic", "mirror", "blend"]
 
 MISSING_LIMIT = 0.05
-"""Largest share of missing pixels that is filled; a map with more is refused."""
+"""Largest share of missing pixels that is filled, where nothing else is said."""
 
-BLEND_SHARE = 0.125
-"""Share of the field's width over which `blend` joins opposite edges."""
-
-SEAM_LIMIT = 3.0
-"""A periodic map whose steps across the seam exceed its steps inside by this factor is warned about."""
+SLOPE_CHANGE = 0.05
+"""Relative change of the rms slope by tiling that is warned about."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +38,9 @@ class Face:
         eighth of the field by weights whose squares add up to 1, which keeps the variance of the relief
         (Heitz and Neyret 2018, doi:10.1145/3233304), and gives up that eighth.
     name : for messages.
+    max_missing : a map of which a larger share is missing is refused, 0 to 1; otherwise gaps are filled.
+    sealant_index : index of a liquid that fills the relief up to a plane surface, > 1; None for none. The
+        plane stands at the highest point of the relief, and the liquid does not absorb.
     """
 
     heights_um: Array | None
@@ -47,8 +48,14 @@ class Face:
     pitch_y_um: float = 1.0
     tiling: Tiling = "periodic"
     name: str = "face"
+    max_missing: float = MISSING_LIMIT
+    sealant_index: float | None = None
 
     def __post_init__(self) -> None:
+        if self.sealant_index is not None and not 1.0 < self.sealant_index < 5.0:
+            raise PhysicsError(
+                f"{self.name}: the index of a sealant lies between 1 and 5, not at {self.sealant_index}."
+            )
         if self.heights_um is None:
             return
         h = np.asarray(self.heights_um, float)
@@ -65,21 +72,36 @@ class Face:
             raise PhysicsError(f"{self.name}: tiling must be periodic, mirror or blend, not {self.tiling!r}.")
         if self.tiling == "blend" and min(h.shape) < 16:
             raise PhysicsError(f"{self.name}: blend needs at least 16 x 16 pixels, not {h.shape}.")
+        if not 0.0 <= self.max_missing <= 1.0:
+            raise PhysicsError(f"{self.name}: max_missing is a share of 0 to 1, not {self.max_missing}.")
 
     @classmethod
-    def flat(cls, name: str = "face") -> Self:
+    def flat(cls, name: str = "face", *, sealant_index: float | None = None) -> Self:
         """A flat face."""
-        return cls(heights_um=None, name=name)
+        return cls(heights_um=None, name=name, sealant_index=sealant_index)
 
     @classmethod
-    def from_map(cls, height_map: HeightMap, *, tiling: Tiling = "periodic", name: str = "") -> Self:
-        """The face that a height map describes."""
+    def from_map(
+        cls,
+        height_map: HeightMap,
+        *,
+        tiling: Tiling | None = None,
+        name: str = "",
+        max_missing: float = MISSING_LIMIT,
+        sealant_index: float | None = None,
+    ) -> Self:
+        """The face that a height map describes.
+
+        `tiling` None repeats a map whose opposite edges meet as it is, and any other with its mirror image.
+        """
         return cls(
             heights_um=height_map.heights_um,
             pitch_x_um=height_map.pitch_x_um,
             pitch_y_um=height_map.pitch_y_um,
-            tiling=tiling,
+            tiling=tiling or tilings.choose(height_map.heights_um),
             name=name or height_map.name or "face",
+            max_missing=max_missing,
+            sealant_index=sealant_index,
         )
 
     @property
@@ -90,57 +112,81 @@ class Face:
     def tile(self) -> Array:
         """One period of the relief: complete, relative to its mean, row 0 and column 0 at the origin.
 
+        Warns with counts where pixels were filled, where a map said to be periodic does not close, and where
+        the tiling changes the slopes.
+
         Returns
         -------
         heights : [ny, nx] in um; the column after the last is the first again, and so are the rows.
         """
         if self.heights_um is None:
             return np.zeros((1, 1))
-        h = fill(self.heights_um, pitch_x_um=self.pitch_x_um, pitch_y_um=self.pitch_y_um, name=self.name)
-        if self.tiling == "mirror":
-            h = np.concatenate([h, h[-2:0:-1]], axis=0)
-            h = np.concatenate([h, h[:, -2:0:-1]], axis=1)
-        elif self.tiling == "blend":
-            h = _join(_join(h - h.mean()).T).T
-        else:
-            _check_seam(h, self.name)
-        return np.ascontiguousarray(h - h.mean())
-
-
-def fill(heights_um: Array, *, pitch_x_um: float = 1.0, pitch_y_um: float = 1.0, name: str = "map") -> Array:
-    """Heights without gaps, filled by `surface.filled`.
-
-    Warns with the count; refuses a map of which more than the share `MISSING_LIMIT` is missing.
-    """
-    gaps = HeightMap(heights_um, pitch_x_um, pitch_y_um, name=name)
-    whole, count = filled(gaps, largest_share=MISSING_LIMIT)
-    if count:
-        warnings.warn(
-            f"{name}: {count} missing pixels ({100 * count / heights_um.size:.2g} %) were filled from their "
-            "surroundings.",
-            SpeculariaWarning,
-            stacklevel=3,
-        )
-    return whole.heights_um
-
-
-def _join(h: Array) -> Array:
-    """Join the first rows of a zero-mean map with its last ones, and drop the last ones."""
-    k = max(2, round(BLEND_SHARE * h.shape[0]))
-    a = 0.5 * np.pi * (np.arange(k) + 0.5)[:, None] / k
-    head = np.sin(a) * h[:k] + np.cos(a) * h[-k:]
-    return np.concatenate([head, h[k:-k]], axis=0)
-
-
-def _check_seam(h: Array, name: str) -> None:
-    """Warn where a map does not go on smoothly from its last row or column to its first."""
-    for axis, word in ((0, "top and bottom"), (1, "left and right")):
-        inside = float(np.sqrt(np.mean(np.diff(h, axis=axis) ** 2)))
-        seam = float(np.sqrt(np.mean((np.take(h, 0, axis) - np.take(h, -1, axis)) ** 2)))
-        if seam > SEAM_LIMIT * inside and seam > 1e-6:
+        whole, count = self._filled()
+        if count:
             warnings.warn(
-                f"{name}: repeated as it is, the {word} edges do not meet (steps of {seam:.3g} um across the "
-                f"seam, {inside:.3g} um inside); tiling = 'mirror' or 'blend' avoids the false cliff.",
+                f"{self.name}: {count} missing pixels ({100 * count / whole.size:.2g} %) were filled from "
+                "their surroundings.",
                 SpeculariaWarning,
-                stacklevel=4,
+                stacklevel=2,
             )
+        period = tilings.tiled(whole, self.tiling)
+        if self.tiling == "periodic":
+            tilings.warn_of_seam(whole, self.name)
+        else:
+            both = tilings.slopes(whole, period, pitch_x_um=self.pitch_x_um, pitch_y_um=self.pitch_y_um)
+            before, after = (float(np.sqrt(np.mean(s**2))) for s in both)
+            share = tilings.blended_share(whole.shape, self.tiling)
+            if abs(after - before) > SLOPE_CHANGE * before:
+                warnings.warn(
+                    f"{self.name}: tiling = {self.tiling!r} changes the rms slope from {before:.4g} to "
+                    f"{after:.4g} (blended: {100 * share:.2g} % of the area).",
+                    SpeculariaWarning,
+                    stacklevel=2,
+                )
+        return period
+
+    def report(self) -> TilingReport:
+        """What tiling does to the slopes of the map; a PhysicsError for a flat face."""
+        whole, count = self._filled()
+        return tilings.report(
+            whole,
+            tilings.tiled(whole, self.tiling),
+            self.tiling,
+            pitch_x_um=self.pitch_x_um,
+            pitch_y_um=self.pitch_y_um,
+            filled=count,
+        )
+
+    def _filled(self) -> tuple[Array, int]:
+        """The map without gaps, filled by `surface.filled`, and how many pixels were missing."""
+        if self.heights_um is None:
+            raise PhysicsError(f"{self.name}: a flat face has no map.")
+        gaps = HeightMap(self.heights_um, self.pitch_x_um, self.pitch_y_um, name=self.name)
+        whole, count = filled(gaps, largest_share=self.max_missing)
+        return whole.heights_um, count
+
+    def cut(self, parts: int) -> list[list[Face]]:
+        """parts x parts pieces of the map, [row][column], each tiled by mirror; a flat face stays flat.
+
+        Rows and columns that are left over when the map is divided are given up.
+        """
+        if self.heights_um is None:
+            return [[self] * parts for _ in range(parts)]
+        whole, _ = self._filled()
+        ny, nx = (n // parts for n in whole.shape)
+        if min(ny, nx) < 2:
+            raise PhysicsError(
+                f"{self.name}: {self.heights_um.shape} pixels cannot be cut into {parts} x {parts}."
+            )
+        return [
+            [
+                replace(
+                    self,
+                    heights_um=whole[i * ny : (i + 1) * ny, j * nx : (j + 1) * nx],
+                    tiling="mirror",
+                    name=f"{self.name} [{i}, {j}]",
+                )
+                for j in range(parts)
+            ]
+            for i in range(parts)
+        ]

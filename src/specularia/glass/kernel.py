@@ -5,7 +5,8 @@ Symbols as in docs/theory/slab.md. Lengths are micrometres, directions unit vect
 highest and the lowest point of its relief), in the *bulk* glass between the two shells, or in a *bubble*.
 Shells are walked through a hierarchy of bounds (`hierarchy.py`); the bulk is crossed in closed form. No
 distance is ever nudged by a small constant: a ray that starts on a triangle or on a bubble's wall leaves that
-one out by name or by sign, so no path slips through a surface.
+one out by name or by sign, so no path slips through a surface. What is said of bubbles holds for inclusions
+too: they differ in what is inside.
 
 All functions take and return plain numbers and arrays, keep no state and use nothing that a GPU lacks. They
 share one file because the compiler's cache looks for changes in the file of the outermost one alone.
@@ -22,10 +23,16 @@ import numpy as np
 
 from specularia.glass.hierarchy import LEVELS
 
-__all__ = ["ABSORBED", "BACK", "FRONT", "LOST", "meet_interface", "meet_relief", "trace_kernel", "uniform"]
+__all__ = [
+    "ABSORBED", "BACK", "FRONT", "LOST", "SIDES", "meet_interface", "meet_relief", "trace_kernel", "uniform",
+]  # fmt: skip
 
-FRONT, BACK, ABSORBED, LOST = 0, 1, 2, 3
-"""Where a path ended: out of the front, out of the back, in the glass, or given up and counted."""
+NO_SIDES, ABSORBING, CLEAR, REFLECTING = 0, 1, 2, 3
+"""Sides of a finite patch; a pane that goes on for ever has none."""
+
+FRONT, BACK, ABSORBED, LOST, SIDES = 0, 1, 2, 3, 4
+"""Where a path ended: out of the front, out of the back, in the glass, given up and counted, or out of
+the sides of a finite patch."""
 
 MAX_EVENTS = 1_000_000
 """Interfaces met before a path counts as lost. Light that total reflection traps meets a few hundred."""
@@ -86,7 +93,8 @@ def _chance(number, shift, key, met):
     return _even(number, _ROOT_3 if met == 0 else (_ROOT_5 if met == 1 else _ROOT_7), shift)
 
 
-@nb.njit(fastmath=FAST, error_model="numpy")
+# Both this and meet_interface are called from one place of the loop, which gains 2 % by taking them in.
+@nb.njit(fastmath=FAST, error_model="numpy", forceinline=True)
 def meet_relief(relief, layout, face, below, top, clear, x, y, z, dx, dy, dz, ix, iy, tri):
     """Nearest crossing of a ray with one face's relief.
 
@@ -139,7 +147,8 @@ def meet_relief(relief, layout, face, below, top, clear, x, y, z, dx, dy, dz, ix
     if tri < 0:
         ix = min(int(x), nx - 1)
         iy = min(int(y), ny - 1)
-        level = min(3, levels)
+        # Coarser for slanting light, which has further to go.
+        level = min(3 if dz < -0.75 else 4, levels)
     periods = 0
     bound_of = 4 + below * LEVELS
     while True:
@@ -237,15 +246,27 @@ def meet_relief(relief, layout, face, below, top, clear, x, y, z, dx, dy, dz, ix
             return -2.0, ix, iy, -1, 0.0, 0.0, x, y
 
 
+@nb.njit(inline="always")
+def _to_sphere(m, x, y, z):
+    """M (x, y, z); M = xx, yy, zz, xy, xz, yz is symmetric, so it also takes normals of the sphere back."""
+    return m[0] * x + m[3] * y + m[4] * z, m[3] * x + m[1] * y + m[5] * z, m[4] * x + m[5] * y + m[2] * z
+
+
+@nb.njit(inline="always")
+def _matrix(bubbles, k):
+    """M of bubble k of a list, as `_to_sphere` takes it."""
+    return bubbles[k, 3], bubbles[k, 4], bubbles[k, 5], bubbles[k, 6], bubbles[k, 7], bubbles[k, 8]
+
+
 @nb.njit(fastmath=FAST, error_model="numpy")
-def _meet_bubble(bubbles, first, member, grid, x, y, z, dx, dy, dz, t_max):
-    """Nearest bubble that a ray in the glass enters within the way t_max.
+def _meet_listed(bubbles, first, member, grid, x, y, z, dx, dy, dz, t_max):
+    """Nearest bubble of a list that a ray in the glass enters within the way t_max.
 
-    `bubbles` [N, 9]: centre, then xx, yy, zz, xy, xz, yz of the symmetric matrix M that takes the bubble to
-    the unit sphere. The cells of a plane grid list the bubbles over them: cell c holds
-    member[first[c]:first[c+1]]; grid = cells along x and y, and their sizes.
+    `bubbles` [N, 11]: centre, then xx, yy, zz, xy, xz, yz of the symmetric matrix M that takes the bubble to
+    the unit sphere, and what is inside (see `_path`). The cells of a plane grid list the bubbles over them:
+    cell c holds member[first[c]:first[c+1]]; grid = cells along x and y, and their sizes.
 
-    Returns the way (-1: none) and the bubble with its centre's x and y.
+    Returns the way (t_max: none), the bubble (-1: none) and its centre's x and y.
     """
     nx = int(grid[0])
     ny = int(grid[1])
@@ -269,15 +290,16 @@ def _meet_bubble(bubbles, first, member, grid, x, y, z, dx, dy, dz, t_max):
         cx = jx % nx
         cy = jy % ny
         c = cy * nx + cx
-        for m in range(first[c], first[c + 1]):
-            k = member[m]
+        for j in range(first[c], first[c + 1]):
+            k = member[j]
             # Of all periodic images of the bubble, the one nearest to this cell.
             bx = bubbles[k, 0]
             by = bubbles[k, 1]
             bx += math.floor(((jx + 0.5) * size_x - bx) / (nx * size_x) + 0.5) * (nx * size_x)
             by += math.floor(((jy + 0.5) * size_y - by) / (ny * size_y) + 0.5) * (ny * size_y)
-            px, py, pz = _to_sphere(bubbles, k, x - bx, y - by, z - bubbles[k, 2])
-            qx, qy, qz = _to_sphere(bubbles, k, dx, dy, dz)
+            m = _matrix(bubbles, k)
+            px, py, pz = _to_sphere(m, x - bx, y - by, z - bubbles[k, 2])
+            qx, qy, qz = _to_sphere(m, dx, dy, dz)
             # |p + t q| = 1; only entering (p.q < 0), from outside (|p| > 1).
             b = px * qx + py * qy + pz * qz
             if b < 0.0:
@@ -300,20 +322,95 @@ def _meet_bubble(bubbles, first, member, grid, x, y, z, dx, dy, dz, t_max):
             t_y += step_y
             jy += 1 if north else -1
         cells += 1
-    return (best if found >= 0 else -1.0), found, found_x, found_y
-
-
-@nb.njit(inline="always")
-def _to_sphere(bubbles, k, x, y, z):
-    """M (x, y, z) of bubble k; M is symmetric, so it also takes normals of the sphere back."""
-    return (
-        bubbles[k, 3] * x + bubbles[k, 6] * y + bubbles[k, 7] * z,
-        bubbles[k, 6] * x + bubbles[k, 4] * y + bubbles[k, 8] * z,
-        bubbles[k, 7] * x + bubbles[k, 8] * y + bubbles[k, 5] * z,
-    )
+    return best, found, found_x, found_y
 
 
 @nb.njit(fastmath=FAST, error_model="numpy")
+def _meet_drawn(kinds, sizes, x, y, z, dx, dy, dz, t_max, key, draw):
+    """First bubble that a ray in the glass enters within t_max, drawn afresh on every way (free flight).
+
+    The bubbles of a kind lie anywhere, independently, each wholly between the shells. Bubbles of diameter D
+    offer a ray the area g D^2 (g from its direction), and the ray meets them at the rate g * sum of D^2 over
+    bubbles per volume, as long as they lie in the glass: a bubble that would reach out of it is drawn and
+    left again (Woodcock et al. 1965, ANL-7050). `kinds` [K, 9]: sum of D^2 per volume in 1/um, elongation,
+    axis, bounds of the glass, what is inside (see `_path`); `sizes` [K, Q]: quantiles of D among the bubbles
+    that rays meet.
+
+    Returns the way (t_max: none), the kind (-1: none), the bubble's centre, its M, and the next draw.
+    """
+    t = 0.0
+    none = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
+    while True:
+        rate = 0.0
+        for k in range(kinds.shape[0]):
+            rate += kinds[k, 0] * _shadow(kinds, k, dx, dy, dz)
+        t -= math.log(1.0 - uniform(key, draw)) / rate
+        if t >= t_max:
+            return t_max, -1, 0.0, 0.0, 0.0, none, draw + 1
+        share = uniform(key, draw + 1) * rate
+        k = 0
+        while k < kinds.shape[0] - 1:
+            share -= kinds[k, 0] * _shadow(kinds, k, dx, dy, dz)
+            if share < 0.0:
+                break
+            k += 1
+        place = uniform(key, draw + 2) * (sizes.shape[1] - 1)
+        j = int(place)
+        size = sizes[k, j] + (place - j) * (sizes[k, j + 1] - sizes[k, j])
+        elongation = kinds[k, 1]
+        ax, ay, az = kinds[k, 2], kinds[k, 3], kinds[k, 4]
+        long = 0.5 * size * elongation ** (2.0 / 3.0)
+        short = long / elongation
+        # M = 1 / short + (1 / long - 1 / short) a a^T, and its inverse with long and short in place.
+        m0 = 1.0 / short
+        m1 = 1.0 / long - m0
+        m = (
+            m0 + m1 * ax * ax,
+            m0 + m1 * ay * ay,
+            m0 + m1 * az * az,
+            m1 * ax * ay,
+            m1 * ax * az,
+            m1 * ay * az,
+        )
+        # Where bubbles are spheres, the ray meets them anywhere on their cross section alike.
+        qx, qy, qz = _to_sphere(m, dx, dy, dz)
+        per = 1.0 / math.sqrt(qx * qx + qy * qy + qz * qz)
+        qx *= per
+        qy *= per
+        qz *= per
+        r2 = uniform(key, draw + 3)
+        phi = 2.0 * math.pi * uniform(key, draw + 4)
+        draw += 5
+        # Two directions across q (Duff et al. 2017, JCGT 6(1)).
+        sign = 1.0 if qz >= 0.0 else -1.0
+        a = -1.0 / (sign + qz)
+        b = qx * qy * a
+        co = math.sqrt(r2) * math.cos(phi)
+        si = math.sqrt(r2) * math.sin(phi)
+        c = -math.sqrt(1.0 - r2)
+        px = c * qx + co * (1.0 + sign * qx * qx * a) + si * b
+        py = c * qy + co * sign * b + si * (sign + qy * qy * a)
+        pz = c * qz - co * sign * qx - si * qy
+        along = (long - short) * (px * ax + py * ay + pz * az)
+        cz = z + t * dz - (short * pz + along * az)
+        reach = math.sqrt(short * short + (long * long - short * short) * az * az)
+        if cz - reach > kinds[k, 5] and cz + reach < kinds[k, 6]:
+            cx = x + t * dx - (short * px + along * ax)
+            cy = y + t * dy - (short * py + along * ay)
+            return t, k, cx, cy, cz, m, draw
+
+
+@nb.njit(inline="always")
+def _shadow(kinds, k, dx, dy, dz):
+    """Area that a bubble of kind k and diameter 1 offers a ray: pi b sqrt(a^2 sin^2 + b^2 cos^2)."""
+    elongation = kinds[k, 1]
+    long = 0.5 * elongation ** (2.0 / 3.0)
+    short = long / elongation
+    c = dx * kinds[k, 2] + dy * kinds[k, 3] + dz * kinds[k, 4]
+    return math.pi * short * math.sqrt(long * long * (1.0 - c * c) + short * short * c * c)
+
+
+@nb.njit(fastmath=FAST, error_model="numpy", forceinline=True)
 def meet_interface(nx, ny, nz, dx, dy, dz, ratio, polarised, sx, sy, sz, q, u, v, xi):
     """Reflect or refract one path, by chance, with Fresnel's share of the power as the probability.
 
@@ -403,13 +500,13 @@ def meet_interface(nx, ny, nz, dx, dy, dz, ratio, polarised, sx, sy, sz, q, u, v
 
 @nb.njit(fastmath=FAST, error_model="numpy")
 def _path(
-    relief, layout, scale, bubbles, first, member, grid, eta, absorption, polarised,
-    face, x, y, dx, dy, dz, number, shift, key,
+    relief, layout, scale, outside, bubbles, first, member, grid, kinds, sizes, patch, light,
+    eta, absorption, polarised, face, x, y, dx, dy, dz, sx, sy, number, shift, key,
 ):  # fmt: skip
     """Follow one path from above (or below) the pane until it leaves it.
 
-    Returns where it ended (FRONT, BACK, ABSORBED or LOST), its direction, its weight, what was absorbed of
-    it, and its way in glass in um.
+    Returns where it ended (FRONT, BACK, ABSORBED, LOST or SIDES), its direction, its weight, what was
+    absorbed of it, and its way in glass in um.
     """
     # scale[face]: pixels per um along x and y; mean plane; highest point of the relief above it and lowest
     # below it; sine of the steepest slope.
@@ -421,40 +518,81 @@ def _path(
     py = y * scale[face, 1]
     px -= math.floor(px / layout[face, 1]) * layout[face, 1]
     py -= math.floor(py / layout[face, 2]) * layout[face, 2]
+    # outside[face]: index of what fills the relief, and one over it. Where that is no air, it ends in a plane
+    # film at the relief's highest point, which the light meets first.
+    arriving = outside[face, 0] != 1.0
+    film = arriving
     in_glass = False
     in_bulk = False
-    bubble = -1
+    in_bubble = False
+    m = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
     bx = 0.0
     by = 0.0
-    sx, sy, sz, q, u, v = 1.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    bz = 0.0
+    # Inside a bubble: its index, 0 for that of the glass, and absorption in 1/um, below 0 for opaque.
+    eta_in = 1.0
+    absorption_in = 0.0
+    sz = 0.0
+    q = light[0]
+    u = light[1]
+    v = light[2]
     weight = 1.0
     absorbed = 0.0
     way = 0.0
     met = 0
+    draw = 0
     per_eta = 1.0 / eta
+    sides = patch[0]
     for _ in range(MAX_EVENTS):
-        if bubble >= 0:
+        entered = False
+        ratio = 1.0
+        t_side = 1e300
+        if sides > 0.0 and not in_bubble:
+            t_side, nx_side, ny_side = _meet_side(patch, x, y, dx, dy)
+        if film:
+            # At the flat surface of the liquid on a face, from outside or from inside.
+            bound = scale[face, 2] + scale[face, 3] if face == FRONT else scale[face, 2] - scale[face, 4]
+            t = 0.0 if arriving else max((bound - z) / dz, 0.0)
+            px += t * dx * scale[face, 0]
+            py += t * dy * scale[face, 1]
+            px -= math.floor(px / layout[face, 1]) * layout[face, 1]
+            py -= math.floor(py / layout[face, 2]) * layout[face, 2]
+            nx, ny, nz = 0.0, 0.0, 1.0
+            ratio = outside[face, 1] if arriving else outside[face, 0]
+        elif in_bubble:
             # A chord of the bubble: from its wall, p.q < 0, straight to the other end.
-            ax, ay, az = _to_sphere(bubbles, bubble, x - bx, y - by, z - bubbles[bubble, 2])
-            cx, cy, cz = _to_sphere(bubbles, bubble, dx, dy, dz)
+            ax, ay, az = _to_sphere(m, x - bx, y - by, z - bz)
+            cx, cy, cz = _to_sphere(m, dx, dy, dz)
             t = max(-2.0 * (ax * cx + ay * cy + az * cz) / (cx * cx + cy * cy + cz * cz), 0.0)
-            nx, ny, nz = _to_sphere(bubbles, bubble, ax + t * cx, ay + t * cy, az + t * cz)
+            nx, ny, nz = _to_sphere(m, ax + t * cx, ay + t * cy, az + t * cz)
+            ratio = eta_in * per_eta if eta_in > 0.0 else 1.0
         elif in_bulk:
             # Straight to the near bound of the shell ahead, unless a bubble stands in the way.
             face = FRONT if dz > 0.0 else BACK
             bound = scale[face, 2] - scale[face, 4] if face == FRONT else scale[face, 2] + scale[face, 3]
             t = max((bound - z) / dz, 0.0)
             if bubbles.shape[0] > 0:
-                t_bubble, bubble, bx, by = _meet_bubble(bubbles, first, member, grid, x, y, z, dx, dy, dz, t)
-                if bubble >= 0:
-                    t = t_bubble
-            if bubble >= 0:
-                ax, ay, az = _to_sphere(
-                    bubbles, bubble, x + t * dx - bx, y + t * dy - by, z + t * dz - bubbles[bubble, 2]
+                t, k, bx, by = _meet_listed(bubbles, first, member, grid, x, y, z, dx, dy, dz, t)
+                if k >= 0:
+                    entered = True
+                    bz = bubbles[k, 2]
+                    m = _matrix(bubbles, k)
+                    eta_in = bubbles[k, 9]
+                    absorption_in = bubbles[k, 10]
+            if kinds.shape[0] > 0:
+                t, k, cx, cy, cz, mk, draw = _meet_drawn(
+                    kinds, sizes, x, y, z, dx, dy, dz, t, _mix(key), draw
                 )
-                nx, ny, nz = _to_sphere(bubbles, bubble, ax, ay, az)
-            else:
-                nx, ny, nz = 0.0, 0.0, 0.0
+                if k >= 0:
+                    entered = True
+                    bx, by, bz, m = cx, cy, cz, mk
+                    eta_in = kinds[k, 7]
+                    absorption_in = kinds[k, 8]
+            nx, ny, nz = 0.0, 0.0, 0.0
+            if entered:
+                nx, ny, nz = _to_sphere(m, x + t * dx - bx, y + t * dy - by, z + t * dz - bz)
+                nx, ny, nz = _to_sphere(m, nx, ny, nz)
+                ratio = eta / eta_in if eta_in > 0.0 else 1.0
         else:
             # In a shell; the relief runs through it.
             below = 1 if (face == FRONT) == in_glass else 0
@@ -467,13 +605,21 @@ def _path(
             if t < 0.0:
                 if t < -1.5 or (in_glass == ((face == FRONT) == (dz > 0.0))):
                     return LOST, dx, dy, dz, weight, absorbed, way
-                if not in_glass:
+                if in_glass:
+                    in_bulk = True
+                    continue
+                if outside[face, 0] == 1.0:
                     return face, dx, dy, dz, weight, absorbed, way
-                in_bulk = True
+                film = True
                 continue
-            px += t * dx * scale[face, 0]
-            py += t * dy * scale[face, 1]
+            px += min(t, t_side) * dx * scale[face, 0]
+            py += min(t, t_side) * dy * scale[face, 1]
             nx, ny, nz = -gx * scale[face, 0], -gy * scale[face, 1], 1.0
+            ratio = eta * outside[face, 1] if in_glass else outside[face, 0] * per_eta
+        at_side = t_side < t
+        if at_side:
+            t = t_side
+            entered = False
         x += t * dx
         y += t * dy
         z += t * dz
@@ -485,7 +631,32 @@ def _path(
                 weight = left
                 if weight < MIN_WEIGHT:
                     return ABSORBED, dx, dy, dz, 0.0, absorbed + weight, way
-        if in_bulk and bubble < 0:
+        elif in_bubble and absorption_in > 0.0:
+            left = weight * math.exp(-absorption_in * t)
+            absorbed += weight - left
+            weight = left
+        if at_side:
+            if not in_glass and outside[face, 0] == 1.0:
+                # In air beyond the edge of the pane.
+                return FRONT if dz > 0.0 else BACK, dx, dy, dz, weight, absorbed, way
+            if sides == ABSORBING:
+                return ABSORBED, dx, dy, dz, 0.0, absorbed + weight, way
+            tri = -1
+            film = False
+            px -= math.floor(px / layout[face, 1]) * layout[face, 1]
+            py -= math.floor(py / layout[face, 2]) * layout[face, 2]
+            if sides == REFLECTING:
+                # A mirror image: left becomes right in the Stokes vector too.
+                dx -= 2.0 * abs(nx_side) * dx
+                dy -= 2.0 * abs(ny_side) * dy
+                sx -= 2.0 * abs(nx_side) * sx
+                sy -= 2.0 * abs(ny_side) * sy
+                u = -u
+                v = -v
+                continue
+            nx, ny, nz = nx_side, ny_side, 0.0
+            ratio = eta if in_glass else outside[face, 0]
+        elif in_bulk and not in_bubble and not entered:
             # Arrived at a shell: to its own pixels, within the period.
             in_bulk = False
             tri = -1
@@ -495,36 +666,59 @@ def _path(
             px -= math.floor(px / layout[face, 1]) * layout[face, 1]
             py -= math.floor(py / layout[face, 2]) * layout[face, 2]
             continue
+        if entered and absorption_in < 0.0:
+            return ABSORBED, dx, dy, dz, 0.0, absorbed + weight, way
         per = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz)
         if nx * dx + ny * dy + nz * dz > 0.0:
             per = -per
         crossed, dx, dy, dz, sx, sy, sz, q, u, v = meet_interface(
-            nx * per, ny * per, nz * per, dx, dy, dz, eta if in_glass else per_eta,
-            polarised, sx, sy, sz, q, u, v, _chance(number, shift, key, met),
+            nx * per, ny * per, nz * per, dx, dy, dz, ratio, polarised, sx, sy, sz, q, u, v,
+            _chance(number, shift, key, met),
         )  # fmt: skip
         met += 1
-        if in_bulk:
+        if at_side:
+            if crossed:
+                return SIDES, dx, dy, dz, weight, absorbed, way
+        elif film:
+            if crossed != arriving:
+                return face, dx, dy, dz, weight, absorbed, way
+            arriving = False
+            film = False
+            tri = -1
+            z = bound
+        elif in_bulk:
             # At a bubble's wall. In the glass means: outside the bubble.
             if crossed:
                 in_glass = not in_glass
-            if in_glass:
-                bubble = -1
+            in_bubble = not in_glass
         elif crossed:
             in_glass = not in_glass
     return LOST, dx, dy, dz, weight, absorbed, way
 
 
+@nb.njit(inline="always")
+def _meet_side(patch, x, y, dx, dy):
+    """Way to the side of a finite patch, and that side's normal; patch = sides, then lowest and highest x,
+    lowest and highest y."""
+    t_x = ((patch[2] if dx > 0.0 else patch[1]) - x) / dx if dx != 0.0 else 1e300
+    t_y = ((patch[4] if dy > 0.0 else patch[3]) - y) / dy if dy != 0.0 else 1e300
+    if t_x < t_y:
+        return max(t_x, 0.0), 1.0, 0.0
+    return max(t_y, 0.0), 0.0, 1.0
+
+
 @nb.njit(parallel=True, cache=True)
 def trace_kernel(
-    relief, layout, scale, bubbles, first, member, grid, eta, absorption, polarised,
-    face, theta, phi, turned, repeat_x, repeat_y, seed, start, per_replicate,
+    relief, layout, scale, outside, bubbles, first, member, grid, kinds, sizes, patch, light,
+    eta, absorption, polarised, face, theta, phi, turned, repeat_x, repeat_y, seed, start, per_replicate,
     ux, uy, side, weight, absorbed, way,
 ):  # fmt: skip
     """Trace paths start, start + 1, ... and store what became of each.
 
     Parameters
     ----------
-    relief, layout, scale, bubbles, first, member, grid : the pane, see `slab.Geometry`.
+    relief, layout, scale, outside, bubbles, first, member, grid, kinds, sizes, patch, light : the pane and
+        the light's polarisation, see `slab.Geometry`.
     eta, absorption : index of the glass, absorption in 1/um.
     polarised : see `meet_interface`.
     face, theta, phi : the face the light arrives on; polar angle from its normal and azimuth, radians.
@@ -562,6 +756,12 @@ def trace_kernel(
         # Which of the periods: the other face and the bubbles lie differently under each.
         x += int(uniform(key, 0) * repeat_x)
         y += int(uniform(key, 1) * repeat_y)
+        x *= width_x
+        y *= width_y
+        if patch[0] > 0.0:
+            # Light falls on a square of the patch only.
+            x = patch[5] + (x / width_x - math.floor(x / width_x)) * patch[7]
+            y = patch[6] + (y / width_y - math.floor(y / width_y)) * patch[7]
         co = co_0
         si = si_0
         if turned:
@@ -569,8 +769,9 @@ def trace_kernel(
             co = math.cos(azimuth)
             si = math.sin(azimuth)
         ended, dx, dy, _, w, a, way_in_glass = _path(
-            relief, layout, scale, bubbles, first, member, grid, eta, absorption, polarised,
-            face, x * width_x, y * width_y, -sin_t * co, -sin_t * si, cos_t, count, shift, key,
+            relief, layout, scale, outside, bubbles, first, member, grid, kinds, sizes, patch, light,
+            eta, absorption, polarised, face, x, y, -sin_t * co, -sin_t * si, cos_t, -si, co,
+            count, shift, key,
         )  # fmt: skip
         if turned:
             dx, dy = dx * co + dy * si, dy * co - dx * si

@@ -9,8 +9,10 @@ light: the distribution's integral over the hemisphere is the transmission that 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,11 +34,13 @@ __all__ = [
     "SHADOW_HALF_WIDTH_DEG",
     "SHADOW_HEIGHT_DEG",
     "Directions",
+    "Recorded",
     "density",
     "measure",
     "read_off",
     "recorded",
     "scan",
+    "write_tables",
 ]
 
 Array = NDArray[np.float64]
@@ -217,6 +221,84 @@ def recorded(
 def _edge(beyond_deg: Array) -> Array:
     """1 well inside an edge, 0 well outside, with a soft step half a degree wide."""
     out: Array = special.expit(-beyond_deg / 0.5)
+    return out
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A table that was written, and the transmission of the paths it was read off from."""
+
+    path: Path
+    theta_deg: float
+    phi_deg: float
+    tau: float
+    tau_se: float
+
+
+def write_tables(
+    slab: Slab,
+    folder: str | Path,
+    *,
+    theta_deg: Sequence[float],
+    phi_deg: Sequence[float] = (0.0,),
+    points: int = 60_000,
+    aperture_deg: float = 0.6,
+    relative_noise: float = 0.0,
+    floor: float = 0.0,
+    shadow: bool = False,
+    paths: int = 1_000_000,
+    wavelength_nm: float = 520.0,
+    seed: int = 0,
+) -> list[Recorded]:
+    """Record a pane in several incident directions and write pab-opto tables.
+
+    Parameters
+    ----------
+    folder : made where it is missing; tables are named t<theta>_p<phi>.dat.
+    theta_deg, phi_deg : each angle at each azimuth; on the normal one azimuth is enough.
+    points : directions of each scan, 4 of 10 over the hemisphere and 3 each in the finer ones; see `scan`.
+    aperture_deg, paths, wavelength_nm : see `measure`.
+    relative_noise, floor, shadow : see `recorded`.
+    seed : of paths, scans and noise.
+    """
+    from specularia.files import make_folder
+    from specularia.glass.tally import Tally
+    from specularia.glass.trace import trace_paths
+    from specularia.gonio.pab import write
+    from specularia.progress import task
+
+    folder = make_folder(folder)
+    wanted = [(t, p) for t in theta_deg for p in (phi_deg[:1] if t == 0.0 else phi_deg)]
+    out = []
+    with task("Recording", len(wanted)) as bar:
+        for k, (theta, phi) in enumerate(wanted):
+            streams = np.random.SeedSequence([seed, k]).spawn(2)
+            traced = trace_paths(
+                slab,
+                theta_deg=theta,
+                phi_deg=phi,
+                paths=paths,
+                seed=int(streams[0].generate_state(1, np.uint32)[0]),
+                wavelength_nm=wavelength_nm,
+            )
+            rng = np.random.default_rng(streams[1])
+            fine = round(0.3 * points)
+            clean = read_off(
+                traced,
+                theta_deg=theta,
+                phi_deg=phi,
+                directions=scan(theta, phi, base=points - 2 * fine, middle=fine, peak=fine, rng=rng),
+                aperture_deg=aperture_deg,
+                wavelength_nm=wavelength_nm,
+                synthetic=True,
+            )
+            table = recorded(clean, relative_noise=relative_noise, floor=floor, shadow=shadow, rng=rng)
+            tally = Tally()
+            tally.add(traced)
+            share, error = tally.shares
+            path = write(table, folder / f"t{theta:05.2f}_p{phi:g}.dat")
+            out.append(Recorded(path, theta, phi, float(share[0]), float(error[0])))
+            bar.advance()
     return out
 
 

@@ -11,7 +11,10 @@ absorption_per_mm = 0.07      # Napierian; or { spectrum = "file.csv" }: wavelen
 [front]
 heights = "front.nc"          # any supported surface file; or flat = true
 pitch_um = 1.5                # one number or [x, y]; for files that hold none
-tiling = "periodic"           # periodic | mirror | blend
+tiling = "periodic"           # periodic | mirror | blend; without it periodic for a map whose edges meet,
+                              # mirror for any other
+max_missing = 0.05            # a map of which a larger share is missing is refused
+sealant_index = 1.5           # optional: a liquid that fills the relief up to a plane surface
 
 [back]
 flat = true
@@ -21,9 +24,23 @@ per_cm3 = 30.0
 diameter_mm = { median = 0.2, sigma = 0.4 }    # of the sphere of equal volume; sigma of ln(diameter)
 elongation = 3.0              # long axis over short axis
 axis = [0, 1, 0]              # or, in place of these keys, list = "bubbles.csv"
+placing = "cell"              # or "free flight": drawn afresh along every path
+
+[[inclusions]]                # optional: the keys of [[bubbles]], and what they are
+kind = "absorbing"            # or "opaque"
+absorption_per_mm = 2.0       # of what absorbs
+index = 1.6                   # without it that of the glass
+per_cm3 = 5.0
+diameter_mm = { median = 0.3 }
 
 [trace]
 polarised = true
+incident = "unpolarised"      # or "s", "p", { stokes = [1, Q, U, V] }
+
+[patch]                       # optional: a finite pane in place of one that goes on for ever
+width_mm = 8.4
+sides = "clear"               # absorbing | clear | reflecting
+lit_mm = 1.0                  # light falls on a square in the middle; without it on all of the patch
 ```
 """
 
@@ -31,16 +48,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, Self, TypeVar
+from typing import Annotated, Any, Literal, Self, TypeVar
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from specularia import surface
 from specularia.errors import FormatError, PhysicsError
-from specularia.glass.bubbles import BubbleKind, Bubbles, read_bubbles
-from specularia.glass.faces import Face, Tiling
+from specularia.glass.bubble_files import read_bubbles
+from specularia.glass.bubbles import AIR, BubbleKind, Bubbles, Inside
+from specularia.glass.faces import MISSING_LIMIT, Face, Tiling
 from specularia.glass.medium import Medium, Spectrum
-from specularia.glass.slab import Slab
+from specularia.glass.patch import Patch, Sides
+from specularia.glass.slab import UNPOLARISED, Slab
 from specularia.jobs import FilePath, Job, load_toml
 
 __all__ = ["GlassJob", "read_slab"]
@@ -51,7 +70,7 @@ Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 
 
 def _shape_of(value: object) -> str:
-    return "table" if isinstance(value, (dict, Job)) else "number"
+    return "table" if isinstance(value, (dict, Job)) else "plain"
 
 
 class Sellmeier(Job):
@@ -70,11 +89,11 @@ class AbsorptionSpectrum(Job):
 
 
 Index = Annotated[
-    Annotated[float, Field(gt=1.0, lt=5.0), Tag("number")] | Annotated[Sellmeier, Tag("table")],
+    Annotated[float, Field(gt=1.0, lt=5.0), Tag("plain")] | Annotated[Sellmeier, Tag("table")],
     Discriminator(_shape_of),
 ]
 Absorption = Annotated[
-    Annotated[float, Field(ge=0.0, allow_inf_nan=False), Tag("number")]
+    Annotated[float, Field(ge=0.0, allow_inf_nan=False), Tag("plain")]
     | Annotated[AbsorptionSpectrum, Tag("table")],
     Discriminator(_shape_of),
 ]
@@ -113,8 +132,13 @@ class FaceJob(Job):
     """Heights out of the glass, as the microscope saw the face: any file that `specularia surface` reads."""
     pitch_um: Positive | tuple[Positive, Positive] | None = None
     """Pixel size, one number or [x, y], for a file that holds none; must agree with one that does."""
-    tiling: Tiling = "periodic"
-    """How the map goes on: periodic as it is, mirror with its mirror image, blend with joined edges."""
+    tiling: Tiling | None = None
+    """How the map goes on: periodic as it is, mirror with its mirror image, blend with joined edges. Without
+    it periodic for a map whose edges meet, mirror for any other."""
+    max_missing: Annotated[float, Field(ge=0.0, le=1.0)] = MISSING_LIMIT
+    """Share of missing pixels above which the map is refused; fewer are filled from their surroundings."""
+    sealant_index: Annotated[float, Field(gt=1.0, lt=5.0)] | None = None
+    """Index of a liquid that fills the relief up to a plane surface."""
 
     @model_validator(mode="after")
     def _one_of_two(self) -> Self:
@@ -143,6 +167,8 @@ class BubbleJob(Job):
     """Long axis over short axis."""
     axis: tuple[float, float, float] = (0.0, 1.0, 0.0)
     """Direction of the long axis in the slab's frame (z out of the front, y up)."""
+    placing: Literal["cell", "free flight"] = "cell"
+    """Drawn into a cell that repeats, or afresh along every path."""
     list: FilePath | None = None
     """A list of bubbles (.csv or .npz) in place of the other keys."""
 
@@ -156,12 +182,85 @@ class BubbleJob(Job):
             raise ValueError("an axis that is not zero")
         return self
 
+    @property
+    def inside(self) -> Inside:
+        """What fills them."""
+        return AIR
+
+
+class InclusionJob(BubbleJob):
+    """[[inclusions]]: bodies in the glass that hold no air."""
+
+    kind: Literal["opaque", "absorbing"]
+    """Opaque bodies take all light that meets them; absorbing ones weaken what crosses them."""
+    absorption_per_mm: Positive | None = None
+    """Napierian, of what absorbs."""
+    index: Annotated[float, Field(ge=1.0, lt=5.0)] | None = None
+    """Refractive index of what absorbs; without it that of the glass, which bends no light."""
+
+    @model_validator(mode="after")
+    def _absorption(self) -> Self:
+        opaque = self.kind == "opaque"
+        if opaque and (self.absorption_per_mm is not None or self.index is not None):
+            raise ValueError("no absorption_per_mm and no index for what is opaque")
+        if not opaque and self.absorption_per_mm is None:
+            raise ValueError("absorption_per_mm for what is absorbing")
+        return self
+
+    @property
+    def inside(self) -> Inside:
+        """What the tracer meets."""
+        if self.absorption_per_mm is None:
+            return Inside(None, float("inf"))
+        return Inside(self.index, self.absorption_per_mm)
+
+
+class Stokes(Job):
+    """{ stokes = [I, Q, U, V] }."""
+
+    stokes: Annotated[list[float], Field(min_length=4, max_length=4)]
+    """Q > 0: light swings at right angles to the plane of incidence; I > 0."""
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        i, *rest = self.stokes
+        if not (i > 0 and sum(x * x for x in rest) <= i * i * (1 + 1e-9)):
+            raise ValueError("I > 0 and Q^2 + U^2 + V^2 <= I^2")
+        return self
+
+
+Incident = Annotated[
+    Annotated[Literal["unpolarised", "s", "p"], Tag("plain")] | Annotated[Stokes, Tag("table")],
+    Discriminator(_shape_of),
+]
+
 
 class TraceJob(Job):
     """[trace]: how light is traced."""
 
     polarised: bool = True
     """Keep the polarisation of each path; false averages s and p at every interface."""
+    incident: Incident = "unpolarised"
+    """Polarisation of the light that arrives, as of a laser; needs polarised = true."""
+
+    @property
+    def light(self) -> tuple[float, float, float]:
+        """(Q, U, V) / I."""
+        if isinstance(self.incident, Stokes):
+            i, q, u, v = self.incident.stokes
+            return q / i, u / i, v / i
+        return {"unpolarised": UNPOLARISED, "s": (1.0, 0.0, 0.0), "p": (-1.0, 0.0, 0.0)}[self.incident]
+
+
+class PatchJob(Job):
+    """[patch]: a finite pane."""
+
+    width_mm: Positive
+    """Of its sides along x and y."""
+    sides: Sides = "clear"
+    """What becomes of light that meets a side from within."""
+    lit_mm: Positive | None = None
+    """Side of the square in the middle on which light falls; without it the whole patch."""
 
 
 class GlassJob(Job):
@@ -177,8 +276,12 @@ class GlassJob(Job):
     """The other face; its map's x axis runs the other way."""
     bubbles: tuple[BubbleJob, ...] = ()
     """Air bubbles, several kinds."""
+    inclusions: tuple[InclusionJob, ...] = ()
+    """Opaque or absorbing bodies, several kinds."""
     trace: TraceJob = TraceJob()
     """How light is traced."""
+    patch: PatchJob | None = None
+    """A finite pane in place of one that goes on for ever."""
 
 
 def read_slab(path: str | Path, *, seed: int = 0) -> Slab:
@@ -200,12 +303,20 @@ def read_slab(path: str | Path, *, seed: int = 0) -> Slab:
     faces: dict[str, Face] = {}
     for name, face in (("front", job.front), ("back", job.back)):
         if face.heights is None:
-            faces[name] = Face.flat(name)
+            faces[name] = Face.flat(name, sealant_index=face.sealant_index)
             continue
         height_map = surface.read(face.heights, pitch_um=face.pitch_um)
         sources.append(face.heights)
         synthetic = synthetic or "synthetic" in height_map.attributes
-        faces[name] = _checked(path, Face.from_map, height_map, tiling=face.tiling, name=face.heights.name)
+        faces[name] = _checked(
+            path,
+            Face.from_map,
+            height_map,
+            tiling=face.tiling,
+            name=face.heights.name,
+            max_missing=face.max_missing,
+            sealant_index=face.sealant_index,
+        )
     absorption: float | Spectrum
     spectrum_file = job.medium.spectrum_file
     if spectrum_file is not None:
@@ -214,8 +325,9 @@ def read_slab(path: str | Path, *, seed: int = 0) -> Slab:
     elif not isinstance(job.medium.absorption_per_mm, AbsorptionSpectrum):
         absorption = job.medium.absorption_per_mm
     index = job.medium.index
-    lists = [read_bubbles(b.list) for b in job.bubbles if b.list is not None]
-    sources += [b.list for b in job.bubbles if b.list is not None]
+    bodies = (*job.bubbles, *job.inclusions)
+    lists = [read_bubbles(b.list).filled_with(b.inside) for b in bodies if b.list is not None]
+    sources += [b.list for b in bodies if b.list is not None]
     kinds = tuple(
         BubbleKind(
             per_cm3=b.per_cm3,
@@ -223,8 +335,10 @@ def read_slab(path: str | Path, *, seed: int = 0) -> Slab:
             sigma=b.diameter_mm.sigma,
             elongation=b.elongation,
             axis=b.axis,
+            inside=b.inside,
+            placing=b.placing,
         )
-        for b in job.bubbles
+        for b in bodies
         if b.per_cm3 is not None and b.diameter_mm is not None
     )
     slab = _checked(
@@ -243,6 +357,8 @@ def read_slab(path: str | Path, *, seed: int = 0) -> Slab:
         polarised=job.trace.polarised,
         sources=tuple(sources),
         synthetic=synthetic,
+        incident=job.trace.light,
+        patch=_checked(path, Patch, **job.patch.model_dump()) if job.patch else None,
     )
     _checked(path, lambda: slab.all_bubbles)
     return slab

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
 from math import lcm
@@ -14,15 +14,19 @@ from numpy.typing import NDArray
 
 from specularia.errors import PhysicsError
 from specularia.glass import bubbles as bubble_lists
+from specularia.glass import flight
 from specularia.glass.bubbles import BubbleKind, Bubbles, sample_bubbles
 from specularia.glass.faces import Face
 from specularia.glass.hierarchy import pack, steepest
 from specularia.glass.kernel import BACK, FRONT
 from specularia.glass.medium import Medium
+from specularia.glass.patch import Patch
 
-__all__ = ["Geometry", "Slab"]
+__all__ = ["UNPOLARISED", "Geometry", "Slab", "patches"]
 
 Array = NDArray[np.float64]
+
+UNPOLARISED = (0.0, 0.0, 0.0)
 
 MANY_PERIODS = 65536
 """Light spreads over so many periods where faces and bubbles have no short common period."""
@@ -36,21 +40,30 @@ class Geometry(NamedTuple):
     relief, layout : see `hierarchy.pack`; row FRONT and row BACK.
     scale : [2, 6] pixels per um along x and y, mean plane, highest point of the relief above it and lowest
         below it (both >= 0), and the sine of the elevation of its steepest slope.
+    outside : [2, 2] index of what lies on each face, 1 for air, and one over it.
     bubbles, first, member, grid : see `bubbles.pack`.
+    kinds, sizes : see `flight.pack`.
+    patch : [8] see `patch.Patch.row`.
+    light : [3] Stokes parameters Q, U, V of the incident light over I.
     """
 
     relief: NDArray[np.float32]
     layout: NDArray[np.int64]
     scale: Array
+    outside: Array
     bubbles: Array
     first: NDArray[np.int64]
     member: NDArray[np.int64]
     grid: Array
+    kinds: Array
+    sizes: Array
+    patch: Array
+    light: Array
 
 
 @dataclass(frozen=True)
 class Slab:
-    """A pane that goes on for ever: light leaves it through its faces only.
+    """A pane, with light that falls on it. It goes on for ever, unless it is cut to a patch.
 
     Attributes
     ----------
@@ -59,9 +72,13 @@ class Slab:
     front, back : each as its microscope saw it. The front stands at z = +thickness/2 + h(x, y), the back at
         z = -thickness/2 - h(-x, y), heights relative to their means: the back map's x runs the other way.
     bubbles : list of bubbles, or None. The periods of faces and bubbles need not agree.
-    bubble_kinds, bubble_seed : further bubbles by their statistics, drawn into the glass between the
-        reliefs; in the cell of `bubbles` where there is such a list.
+    bubble_kinds, bubble_seed : further bubbles by their statistics, in the glass between the reliefs; those
+        that are placed in a cell in that of `bubbles`, where there is such a list.
     polarised : whether paths keep their polarisation from one interface to the next.
+    incident : Stokes parameters (Q, U, V) / I of the light that arrives; the default is unpolarised. Q = 1 is
+        light swinging at right angles to the plane of incidence (s), -1 in it (p). At normal incidence that
+        plane is the one that holds phi_deg.
+    patch : a finite pane in place of one that goes on for ever.
     sources : files the pane was read from, for provenance.
     synthetic : True where any part of it is synthetic; the label goes with what is computed from it.
     """
@@ -76,10 +93,18 @@ class Slab:
     polarised: bool = True
     sources: tuple[Path, ...] = ()
     synthetic: bool = False
+    incident: tuple[float, float, float] = UNPOLARISED
+    patch: Patch | None = None
 
     def __post_init__(self) -> None:
         if not 0.0 < self.thickness_mm < float("inf"):
             raise PhysicsError(f"thickness_mm must be positive, not {self.thickness_mm}.")
+        if not np.hypot(np.hypot(*self.incident[:2]), self.incident[2]) <= 1.0 + 1e-9:
+            raise PhysicsError(f"light is polarised by a degree of 0 to 1; Q, U, V = {self.incident}.")
+        if self.incident != UNPOLARISED and not self.polarised:
+            raise PhysicsError("polarised light needs a pane that is traced with polarisation.")
+        if self.patch is not None and (self.bubbles is not None or self.bubble_kinds):
+            raise PhysicsError("a finite patch holds no bubbles: its sides would cut them.")
 
     @cached_property
     def reliefs(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -110,12 +135,13 @@ class Slab:
 
     @cached_property
     def all_bubbles(self) -> Bubbles | None:
-        """Listed and drawn bubbles together; a PhysicsError where one reaches into a relief."""
+        """Listed bubbles and those drawn into a cell; a PhysicsError where one reaches into a relief."""
         low, high = self.bulk_mm
         lists = [self.bubbles] if self.bubbles is not None else []
-        if self.bubble_kinds:
+        kinds = [k for k in self.bubble_kinds if k.placing == "cell"]
+        if kinds:
             drawn = sample_bubbles(
-                self.bubble_kinds,
+                kinds,
                 thickness_mm=self.thickness_mm,
                 low_mm=low,
                 high_mm=high,
@@ -155,7 +181,23 @@ class Slab:
             slope *= 1.0 + 1e-5
             scale[face, 3:] = relief.max(), -relief.min(), slope / np.hypot(1.0, slope)
         relief, layout = pack(self.reliefs)
-        return Geometry(relief, layout, scale, *bubble_lists.pack(self.all_bubbles))
+        low, high = self.bulk_mm
+        outside = np.array([face.sealant_index or 1.0 for face in (self.front, self.back)])
+        return Geometry(
+            relief,
+            layout,
+            scale,
+            np.column_stack([outside, 1.0 / outside]),
+            *bubble_lists.pack(self.all_bubbles),
+            *flight.pack(
+                [k for k in self.bubble_kinds if k.placing == "free flight"],
+                thickness_mm=self.thickness_mm,
+                low_mm=low,
+                high_mm=high,
+            ),
+            self.patch.row if self.patch else np.zeros(8),
+            np.array(self.incident),
+        )
 
     def repeats(self, face: int) -> tuple[int, int]:
         """Periods of a face, along x and y, over which all faces and bubbles repeat together.
@@ -170,6 +212,24 @@ class Slab:
             others.append(1e3 * np.asarray(self.all_bubbles.cell_mm))
         x, y = (lcm(*(_repeat(own[axis], other[axis]) for other in others)) for axis in (0, 1))
         return min(x, MANY_PERIODS), min(y, MANY_PERIODS)
+
+
+def patches(slab: Slab, n: int) -> list[Slab]:
+    """n x n panes, each with one piece of either map, tiled by mirror.
+
+    Their spread shows how much the light depends on the place of the pane that was mapped: the beam of a
+    gonio-photometer sees more than a microscope's field. A piece of the front map meets the piece of the back
+    map that lies behind it; bubbles, medium and light stay the same.
+
+    Parameters
+    ----------
+    slab : a pane with at least one map.
+    n : pieces along each side, >= 1.
+    """
+    if n < 1 or (slab.front.is_flat and slab.back.is_flat):
+        raise PhysicsError("patches need at least one map, and at least one piece along each side.")
+    front, back = slab.front.cut(n), slab.back.cut(n)
+    return [replace(slab, front=front[i][j], back=back[i][n - 1 - j]) for i in range(n) for j in range(n)]
 
 
 def _repeat(own: float, other: float) -> int:

@@ -13,15 +13,14 @@ from numpy.typing import NDArray
 
 from specularia.errors import CoverageError, PhysicsError, SpeculariaWarning
 from specularia.glass import kernel
+from specularia.glass.effort import REPLICATES, Effort, round_seed, whole_replicates
 from specularia.glass.slab import Slab
+from specularia.glass.tally import Tally
 
-__all__ = ["REPLICATES", "EnergyBalance", "Paths", "replicates", "trace", "trace_paths"]
+__all__ = ["REPLICATES", "EnergyBalance", "LightSide", "Paths", "fill", "trace", "trace_paths"]
 
 Array = NDArray[np.float64]
 LightSide = Literal["front", "back"]
-
-REPLICATES = 32
-"""Independent randomised replicates of every run; their spread gives the standard errors."""
 
 CHUNK = 1 << 18
 """Paths held in memory at once."""
@@ -74,16 +73,17 @@ class Paths:
 
 @dataclass(frozen=True)
 class EnergyBalance:
-    """Shares of the light for each incident angle; tau + rho + absorbed = 1 where no path was lost.
+    """Shares of the light for each incident angle; tau + rho + absorbed + sides = 1 where no path was lost.
 
     Attributes
     ----------
     theta_deg : [N] incident angles from the normal of the face the light arrives on.
     tau, rho, absorbed : [N] direct-hemispherical transmission and reflection, and absorption as it was
         accumulated along the paths.
+    sides : [N] share that left through the clear sides of a finite patch; 0 for an endless pane.
     tau_se, rho_se, absorbed_se : [N] standard errors, from the spread of `REPLICATES` replicates.
     lost : [N] paths given up.
-    paths : traced for each angle.
+    paths : [N] traced for each angle.
     seconds : [N] time of tracing alone, without compilation.
     """
 
@@ -94,17 +94,10 @@ class EnergyBalance:
     rho_se: Array
     absorbed: Array
     absorbed_se: Array
+    sides: Array
     lost: NDArray[np.int64]
-    paths: int
+    paths: NDArray[np.int64]
     seconds: Array
-
-
-def replicates(paths: int) -> tuple[int, int]:
-    """(paths, paths per replicate): the wanted number rounded up to whole replicates."""
-    if paths < 1:
-        raise PhysicsError(f"at least one path is needed, not {paths}.")
-    each = -(-paths // REPLICATES)
-    return each * REPLICATES, each
 
 
 def trace_paths(
@@ -144,7 +137,7 @@ def trace_paths(
         raise PhysicsError(f"light arrives on the front or on the back, not on {side!r}.")
     if not 0.0 <= theta_deg < 90.0:
         raise CoverageError(f"the incident angle lies in 0 <= theta < 90 degrees, not at {theta_deg}.")
-    total, each = replicates(paths)
+    total, each = whole_replicates(paths)
     count = total - first if count is None else count
     if not 0 <= first <= first + count <= total:
         raise PhysicsError(f"paths {first} to {first + count} are no part of {total}.")
@@ -183,15 +176,49 @@ def trace_paths(
     )
 
 
-def mean_and_error(per_replicate: Array) -> tuple[Array, Array]:
-    """Mean over the last axis, the replicates, and its standard error."""
-    error = per_replicate.std(axis=-1, ddof=1) / np.sqrt(per_replicate.shape[-1])
-    return per_replicate.mean(axis=-1), error
-
-
 def compile_kernel() -> None:
     """Have the kernel compiled (or loaded), so that the time of tracing can be taken by itself."""
     trace_paths(Slab(thickness_mm=1.0), theta_deg=0.0, paths=1)
+
+
+def fill(
+    tally: Tally,
+    slab: Slab,
+    *,
+    effort: Effort,
+    seed: int,
+    side: LightSide = "front",
+    theta_deg: float,
+    phi_deg: float | None,
+    polarised: bool | None = None,
+    wavelength_nm: float = WAVELENGTH_NM,
+) -> float:
+    """Trace one incident direction into a tally, round after round until the effort is spent.
+
+    Returns the time of tracing alone in seconds. Parameters as in `trace_paths`.
+    """
+    slab.geometry  # noqa: B018 (made once, outside the time of tracing)
+    seconds, number = 0.0, 0
+    while paths := effort.next_round(tally.paths, tally.error if tally.paths else np.inf):
+        total, _ = whole_replicates(paths)
+        for first in range(0, total, CHUNK):
+            start = time.perf_counter()
+            part = trace_paths(
+                slab,
+                side=side,
+                theta_deg=theta_deg,
+                phi_deg=phi_deg,
+                paths=paths,
+                seed=round_seed(seed, number),
+                polarised=polarised,
+                wavelength_nm=wavelength_nm,
+                first=first,
+                count=min(CHUNK, total - first),
+            )
+            seconds += time.perf_counter() - start
+            tally.add(part)
+        number += 1
+    return seconds
 
 
 def trace(
@@ -201,46 +228,44 @@ def trace(
     side: LightSide = "front",
     phi_deg: float | None = 0.0,
     paths: int = 100_000,
+    target_error: float | None = None,
     seed: int = 0,
     polarised: bool | None = None,
     wavelength_nm: float = WAVELENGTH_NM,
 ) -> EnergyBalance:
     """Energy balance of a pane for several incident angles; parameters as in `trace_paths`.
 
+    With a `target_error` each angle is traced until tau's relative standard error is no larger, and `paths`
+    is the most that an angle gets.
+
     >>> balance = trace(Slab(thickness_mm=3.0), theta_deg=[0.0], paths=32000)
     >>> bool(abs(balance.tau[0] - 0.918) < 0.01 and balance.lost[0] == 0)
     True
     """
+    effort = Effort(paths, target_error)
     compile_kernel()
-    total, each = replicates(paths)
-    shares = np.zeros((len(theta_deg), 3, REPLICATES))
-    lost = np.zeros(len(theta_deg), np.int64)
-    seconds = np.zeros(len(theta_deg))
-    slab.geometry  # noqa: B018 (made once, outside the time of tracing)
-    for k, theta in enumerate(theta_deg):
-        for first in range(0, total, CHUNK):
-            start = time.perf_counter()
-            part = trace_paths(
+    tallies, seconds = [], []
+    for theta in theta_deg:
+        tally = Tally()
+        seconds.append(
+            fill(
+                tally,
                 slab,
+                effort=effort,
+                seed=seed,
                 side=side,
                 theta_deg=theta,
                 phi_deg=phi_deg,
-                paths=paths,
-                seed=seed,
                 polarised=polarised,
                 wavelength_nm=wavelength_nm,
-                first=first,
-                count=min(CHUNK, total - first),
             )
-            seconds[k] += time.perf_counter() - start
-            lost[k] += part.lost
-            for row, share in enumerate(
-                (part.weight * part.transmitted, part.weight * part.reflected, part.absorbed)
-            ):
-                shares[k, row] += np.bincount(part.replicate, weights=share, minlength=REPLICATES)
-    shares /= each
-    mean, error = mean_and_error(shares)
-    warn_of_lost(int(lost.sum()), total * len(theta_deg))
+        )
+        tallies.append(tally)
+    counts = np.array([t.paths for t in tallies])
+    lost = np.array([t.lost for t in tallies])
+    warn_of_lost(int(lost.sum()), int(counts.sum()))
+    warn_of_noise([t.error for t in tallies], effort)
+    mean, error = (np.array(v) for v in zip(*(t.shares for t in tallies)))
     return EnergyBalance(
         theta_deg=np.asarray(theta_deg, float),
         tau=mean[:, 0],
@@ -249,9 +274,10 @@ def trace(
         rho_se=error[:, 1],
         absorbed=mean[:, 2],
         absorbed_se=error[:, 2],
+        sides=mean[:, 3],
         lost=lost,
-        paths=total,
-        seconds=seconds,
+        paths=counts,
+        seconds=np.array(seconds),
     )
 
 
@@ -260,6 +286,21 @@ def warn_of_lost(lost: int, paths: int) -> None:
     if lost:
         warnings.warn(
             f"{lost} of {paths} paths were given up inside the glass; their light is missing.",
+            SpeculariaWarning,
+            stacklevel=3,
+        )
+
+
+def warn_of_noise(errors: Sequence[float], effort: Effort) -> None:
+    """Say so where directions did not reach the wanted error with the paths they may have."""
+    if effort.target_error is None:
+        return
+    missed = [e for e in errors if e > effort.target_error]
+    if missed:
+        warnings.warn(
+            f"{len(missed)} of {len(errors)} directions did not reach the target error "
+            f"{effort.target_error:g} within {effort.paths} paths (worst: {max(missed):.3g}); allow more "
+            "with --paths.",
             SpeculariaWarning,
             stacklevel=3,
         )

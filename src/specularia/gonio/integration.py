@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -12,7 +12,11 @@ from itertools import pairwise
 import numpy as np
 
 from specularia.errors import FormatError, SpeculariaWarning
+from specularia.gonio.cleaning import Step
 from specularia.gonio.interpolant import Distribution, distribution
+from specularia.gonio.noise import Noise
+from specularia.gonio.shadow import Mask
+from specularia.gonio.systematic import bounds, lobe_outside
 from specularia.gonio.table import Array, Table
 from specularia.progress import task
 
@@ -37,7 +41,11 @@ class Summary:
     table : the table; `points` and `negative` count its values.
     distribution : its continuous form.
     coverage : share of the projected hemisphere that was measured.
-    tau, tau_se : direct-hemispherical transmission (or reflection) and standard error.
+    tau, tau_se : direct-hemispherical transmission (or reflection) and its standard error, from the noise of
+        the table and of the scan of the bare beam.
+    tau_systematic : half-width of a bound on what else tau may be off by: gaps, shadow, discretisation,
+        scale.
+    systematic : its parts; see `systematic.bounds`.
     warnings : of the reader, and what was repaired or looks odd.
     """
 
@@ -48,7 +56,19 @@ class Summary:
     coverage: float
     tau: float
     tau_se: float
+    tau_systematic: float
+    systematic: Mapping[str, float]
     warnings: tuple[str, ...]
+
+    @property
+    def steps(self) -> tuple[Step, ...]:
+        """What the cleaning did."""
+        return self.distribution.steps
+
+    @property
+    def noise(self) -> Noise:
+        """Of single values of the signal, BSDF times |cos theta_s|."""
+        return self.distribution.noise
 
 
 def integrate(table: Table) -> tuple[float, float]:
@@ -56,7 +76,8 @@ def integrate(table: Table) -> tuple[float, float]:
 
     The integral of the BSDF over projected solid angle (see `interpolant`), out to the horizon, with the
     shadow of the mount filled. The standard error is that of noise, estimated from the scatter of
-    neighbouring points; it does not know of calibration.
+    neighbouring points; `Summary.tau_systematic` bounds the rest. Neither knows of the instrument's
+    calibration.
 
     Raises
     ------
@@ -67,14 +88,24 @@ def integrate(table: Table) -> tuple[float, float]:
     return summary.tau, summary.tau_se
 
 
-def summarise(table: Table) -> Summary:
-    """Points, coverage and integral of a table, checked; see `integrate`."""
-    summary = _summarise(table)
+def summarise(table: Table, *, masks: Sequence[Mask] = (), isotropic: bool = True) -> Summary:
+    """Points, coverage and integral of a table, checked; see `integrate`.
+
+    Parameters
+    ----------
+    table : any.
+    masks : shadows that the user gives, besides those that are found.
+    isotropic : False for a sample whose two sides of the plane of incidence may differ: a shadow is then
+        bridged.
+    """
+    summary = _summarise(table, masks, isotropic)
     _warn(summary)
     return summary
 
 
-def summarise_all(tables: Sequence[Table]) -> list[Summary]:
+def summarise_all(
+    tables: Sequence[Table], *, masks: Sequence[Mask] = (), isotropic: bool = True
+) -> list[Summary]:
     """`summarise` for several tables at once, on as many threads as there are processors.
 
     What is noticed is warned of in the order of the tables, and stands in each summary's `warnings`.
@@ -85,7 +116,7 @@ def summarise_all(tables: Sequence[Table]) -> list[Summary]:
         task("integrating the measured tables", len(tables)) as progress,
         ThreadPoolExecutor(processors) as pool,
     ):
-        for summary in pool.map(_summarise, tables):
+        for summary in pool.map(lambda table: _summarise(table, masks, isotropic), tables):
             _warn(summary)
             found.append(summary)
             progress.advance()
@@ -98,9 +129,11 @@ def _warn(summary: Summary) -> None:
         warnings.warn(f"{summary.table.label}: {note}.", SpeculariaWarning, stacklevel=3)
 
 
-def _summarise(table: Table) -> Summary:
-    found = _checked(table)
-    notes = _notes(table, found)
+def _summarise(table: Table, masks: Sequence[Mask], isotropic: bool) -> Summary:
+    found = distribution(table, masks=masks, isotropic=isotropic)
+    _check(table, found)
+    parts = bounds(table, found, isotropic=isotropic)
+    scale_se = table.scale_se * found.integral
     return Summary(
         table=table,
         distribution=found,
@@ -108,14 +141,15 @@ def _summarise(table: Table) -> Summary:
         negative=int(np.sum(table.values < 0)),
         coverage=found.coverage,
         tau=found.integral,
-        tau_se=found.standard_error,
-        warnings=(*table.warnings, *notes),
+        tau_se=float(np.hypot(found.standard_error, scale_se)),
+        tau_systematic=sum(parts.values()),
+        systematic=parts,
+        warnings=(*table.warnings, *_notes(table, found)),
     )
 
 
-def _checked(table: Table) -> Distribution:
-    """The table's distribution, or the FormatError of `integrate`."""
-    found = distribution(table)
+def _check(table: Table, found: Distribution) -> None:
+    """Raise the FormatError of `integrate`."""
     symbol = "tau" if table.kind == "transmission" else "rho"
     other = "BSDF" if table.quantity == "DSF" else "DSF"
     if found.integral > 1.0 + max(_ABOVE_ONE, 3.0 * found.standard_error):
@@ -136,7 +170,6 @@ def _checked(table: Table) -> Distribution:
             found=f"{found.integral:.4g}, while the values are {other} by that integral",
             advice=f"Say --quantity {other}, or mend the header.",
         )
-    return found
 
 
 def integral_shows(table: Table, found: Distribution | None = None) -> str | None:
@@ -186,6 +219,11 @@ def _notes(table: Table, found: Distribution) -> list[str]:
         notes.append(
             f"{100 * found.coverage:.0f} % of the projected hemisphere is covered; the rest is bridged from "
             "its edges and carried on to the horizon"
+        )
+    if lobe_outside(table, found):
+        notes.append(
+            f"the undeflected direction, {table.polar_deg:g} degrees off the normal, lies outside the data; "
+            "a lobe there is not counted"
         )
     if found.integral > 1.0:
         notes.append(f"the integral is {found.integral:.4f}, above 1 by less than calibration may be off")

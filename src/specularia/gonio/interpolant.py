@@ -7,16 +7,18 @@ horizon takes the values of the nearest points. Only the integral also counts th
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from specularia.errors import FormatError
 from specularia.gonio._walk import interpolate
-from specularia.gonio.shadow import fill_shadow
+from specularia.gonio.cleaning import Step, clean
+from specularia.gonio.noise import Noise
+from specularia.gonio.shadow import Mask
 from specularia.gonio.table import Array, Table
+from specularia.gonio.triangulation import doubled_area, triangulate, weights
 
 __all__ = ["Distribution", "distribution"]
 
@@ -31,22 +33,41 @@ class Distribution:
     Attributes
     ----------
     x, y, values : [P] points and their BSDF in 1/sr, those on the horizon included.
+    variance : [P] of the noise of `values`, 1/sr^2; on the horizon that of the mean taken over.
     triangles, neighbours : [T, 3] Delaunay triangulation; neighbours lie opposite each vertex, -1 outside.
     integral : of the BSDF over projected solid angle: tau or rho.
-    standard_error : of the integral, from the scatter of neighbouring points.
+    standard_error : of the integral, from the noise of single values.
+    row_weight : [R] weights of the BSDF of the table's rows whose sum is the integral.
     coverage : share of the projected hemisphere between points, without gaps and what lies beyond them.
-    notes : what was repaired.
+    covered : [T] True for triangles between points that are not far apart; the others bridge gaps or reach
+        out to the horizon.
+    filled : [measured] 0 where the value was measured, 1 where it comes from the mirror side of a shadow, 2
+        where it bridges one; the points on the horizon, `measured` and later, have none.
+    noise : of single values of the signal, BSDF times |cos theta_s|.
+    steps : what the cleaning did.
+    notes : what of that a user is told.
     """
 
     x: Array
     y: Array
     values: Array
+    variance: Array
     triangles: NDArray[np.int32]
     neighbours: NDArray[np.int32]
     integral: float
     standard_error: float
+    row_weight: Array
     coverage: float
+    covered: NDArray[np.bool_]
+    filled: NDArray[np.int8]
+    noise: Noise
+    steps: tuple[Step, ...]
     notes: tuple[str, ...]
+
+    @property
+    def measured(self) -> int:
+        """Points that do not lie on the horizon; they come first."""
+        return self.filled.size
 
     def at(self, ux: Array, uy: Array) -> Array:
         """BSDF at directions; fast where they are given so that neighbours follow each other."""
@@ -56,55 +77,40 @@ class Distribution:
         return found.reshape(np.shape(ux))
 
 
-def distribution(table: Table) -> Distribution:
-    """Triangulate a table; see `Distribution`.
-
-    Points within `table.GRAZING` of the horizon carry no weight. Directions that repeat count once, with the
-    mean of their values. The shadow of the sample's mount is filled from the other side of the plane of
-    incidence (`shadow.fill_shadow`), as an isotropic sample allows. Negative values are kept.
-    """
-    known = ~np.isnan(table.bsdf)
-    bsdf = table.bsdf[known]
-    turn = np.radians(table.azimuth_deg)
-    ux, uy = table.ux[known], table.uy[known]
-    x = ux * np.cos(turn) + uy * np.sin(turn)
-    y = uy * np.cos(turn) - ux * np.sin(turn)
-    x, y, bsdf, notes = fill_shadow(x, y, bsdf, polar_deg=table.polar_deg, azimuth_deg=table.azimuth_deg)
-    x, y, bsdf = _merged(x, y, bsdf)
-    if x.size < 4 or np.ptp(x) < 1e-3 or np.ptp(y) < 1e-3:
-        raise FormatError(
-            file=table.file or table.label,
-            expected="points spread over the hemisphere",
-            found=f"{x.size} directions within {np.ptp(x):.2g} x {np.ptp(y):.2g} in direction cosines",
-        )
+def distribution(table: Table, *, masks: Sequence[Mask] = (), isotropic: bool = True) -> Distribution:
+    """Clean a table (`cleaning.clean`) and triangulate it; see `Distribution`."""
+    found = clean(table, masks=masks, isotropic=isotropic)
+    x, y, bsdf = found.x, found.y, found.bsdf
     measured = x.size
     ring_x, ring_y, ring_values, sources, shares = _horizon(x, y, bsdf)
     x, y = np.concatenate([x, ring_x]), np.concatenate([y, ring_y])
     values = np.concatenate([bsdf, ring_values])
-    triangles, neighbours = _triangulate(x, y)
-    weight = _weights(x, y, triangles)
-    variance = _scatter(x, y, values, triangles, neighbours, measured)
+    triangles, neighbours = triangulate(x, y)
+    weight = weights(x, y, triangles, neighbours)
     own = weight[:measured] + np.bincount(
         sources.ravel(), (shares * weight[measured:, None]).ravel(), minlength=measured
     )
+    row_weight = found.mix.T @ own
+    covered = _covered(x, y, triangles, measured)
+    area = 0.5 * float(np.sum(doubled_area(x, y, *triangles[covered].T)))
+    variance = found.mix.multiply(found.mix) @ found.row_variance
     return Distribution(
         x=x,
         y=y,
         values=values,
+        variance=np.concatenate([variance, (shares**2 * variance[sources]).sum(axis=1)]),
         triangles=triangles,
         neighbours=neighbours,
         integral=float(np.sum(weight * values)),
-        standard_error=float(np.sqrt(np.sum(own**2 * variance))),
-        coverage=_coverage(x, y, triangles, measured),
-        notes=tuple(notes),
+        standard_error=float(np.sqrt(np.sum(row_weight**2 * found.row_variance))),
+        row_weight=row_weight,
+        coverage=min(area / np.pi, 1.0),
+        covered=covered,
+        filled=found.filled,
+        noise=found.noise,
+        steps=found.steps,
+        notes=found.notes,
     )
-
-
-def _merged(x: Array, y: Array, values: Array) -> tuple[Array, Array, Array]:
-    """Directions within 1e-7 of each other as one, with the mean value; sorted, which helps speed."""
-    key = np.round(x * 1e7) + 1j * np.round(y * 1e7)
-    _, first, group, count = np.unique(key, return_index=True, return_inverse=True, return_counts=True)
-    return x[first], y[first], np.bincount(group.ravel(), values) / count
 
 
 def _horizon(x: Array, y: Array, values: Array) -> tuple[Array, Array, Array, NDArray[np.intp], Array]:
@@ -123,91 +129,8 @@ def _horizon(x: Array, y: Array, values: Array) -> tuple[Array, Array, Array, ND
     return ring[:, 0], ring[:, 1], (values[sources] * shares).sum(axis=1), sources, shares
 
 
-def _triangulate(x: Array, y: Array) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    from scipy.spatial import Delaunay
-
-    found: Any = Delaunay(np.stack([x, y], axis=1))
-    return found.simplices, found.neighbors
-
-
-def _doubled(x: Array, y: Array, p: Any, q: Any, r: Any) -> Array:
-    """Twice the signed area of triangles, positive counter-clockwise."""
-    return (x[q] - x[p]) * (y[r] - y[p]) - (x[r] - x[p]) * (y[q] - y[p])
-
-
-def _weights(x: Array, y: Array, triangles: NDArray[np.int32]) -> Array:
-    """[P] weights that integrate a function over the triangulation from its values at the vertices.
-
-    The linear interpolant's integral exceeds that of a function with the Hessian H by
-    (A / 24) sum_edges e.H e on each triangle. Over a peak this averages out where triangles are alike, but
-    not on a polar grid or where a coarse grid meets a refined one (on a polar grid, (step / sigma)^2 / 12 for
-    a lobe at the pole). H e is the difference of the gradients at the edge's ends, and the gradient at a
-    vertex the mean over the triangles around it, so the corrected integral is again a weighted sum of values:
-
-        integral = sum_T A_T mean(f) - (1/24) sum_i g_i . c_i,   c_i = sum_T A_T (2 p_i - q - r).
-
-    Ours; the error term is that of the trapezoidal rule on a triangle.
-    """
-    p, q, r = triangles.T
-    twice = _doubled(x, y, p, q, r)
-    corners = triangles.ravel()
-
-    def gathered(per_triangle: list[Array]) -> Array:
-        return np.bincount(corners, np.stack(per_triangle, axis=1).ravel(), x.size).astype(float)
-
-    weight = gathered([twice / 6.0] * 3)
-    around = np.maximum(6.0 * weight, 1e-300)
-    order = ((p, q, r), (q, r, p), (r, p, q))
-    lever_x = gathered([0.5 * twice * (2 * x[i] - x[j] - x[k]) for i, j, k in order]) / around
-    lever_y = gathered([0.5 * twice * (2 * y[i] - y[j] - y[k]) for i, j, k in order]) / around
-    sum_x = lever_x[triangles].sum(axis=1)
-    sum_y = lever_y[triangles].sum(axis=1)
-    bend = gathered([sum_x * (y[j] - y[k]) + sum_y * (x[k] - x[j]) for _, j, k in order])
-    return weight - bend / 24.0
-
-
-def _scatter(
-    x: Array,
-    y: Array,
-    values: Array,
-    triangles: NDArray[np.int32],
-    neighbours: NDArray[np.int32],
-    measured: int,
-) -> Array:
-    """Variance of the values of the first `measured` points, from how badly planes fit them.
-
-    Two triangles that share an edge have four points and a plane three unknowns; the combination of the four
-    values in which every plane cancels is left with noise (and with curvature, which a linear interpolant
-    misses too). A point's variance is the mean over the pairs it belongs to.
-    """
-    one, corner = np.nonzero(neighbours > np.arange(len(triangles))[:, None])
-    other = neighbours[one, corner]
-    a = triangles[one, corner]
-    b, c = triangles[one, (corner + 1) % 3], triangles[one, (corner + 2) % 3]
-    d = triangles[other].sum(axis=1) - b - c
-
-    # Coefficients of the affine dependence of four points in a plane.
-    k = np.stack(
-        [
-            _doubled(x, y, b, c, d),
-            -_doubled(x, y, a, c, d),
-            _doubled(x, y, a, b, d),
-            -_doubled(x, y, a, b, c),
-        ]
-    )
-    points = np.stack([a, b, c, d])
-    norm = (k**2).sum(axis=0)
-    good = (norm > 0) & (points < measured).all(axis=0)
-    square = ((k * values[points]).sum(axis=0)[good] ** 2) / norm[good]
-    where = points[:, good]
-    total = np.bincount(where.ravel(), np.tile(square, 4), minlength=measured)
-    count = np.bincount(where.ravel(), minlength=measured)
-    mean = square.mean() if square.size else 0.0
-    return np.where(count > 0, total / np.maximum(count, 1), mean)
-
-
-def _coverage(x: Array, y: Array, triangles: NDArray[np.int32], measured: int) -> float:
-    """Share of the disk in triangles between measured points whose edges are not long for this table.
+def _covered(x: Array, y: Array, triangles: NDArray[np.int32], measured: int) -> NDArray[np.bool_]:
+    """[T] triangles between measured points whose edges are not long for this table.
 
     Long is more than four times the distance to the nearest neighbour that nine points in ten stay below.
     """
@@ -222,6 +145,4 @@ def _coverage(x: Array, y: Array, triangles: NDArray[np.int32], measured: int) -
         np.minimum.at(nearest, triangles[:, i], edge)
         np.minimum.at(nearest, triangles[:, j], edge)
     limit = 4.0 * np.quantile(nearest[:measured], 0.9)
-    inside = (triangles < measured).all(axis=1) & (edges.max(axis=0) <= limit)
-    area = 0.5 * _doubled(x, y, *triangles[inside].T)
-    return float(min(area.sum() / np.pi, 1.0))
+    return (triangles < measured).all(axis=1) & (edges.max(axis=0) <= limit)

@@ -14,13 +14,15 @@ from specularia.conventions import pab_azimuth
 from specularia.errors import FormatError, PhysicsError
 from specularia.files import write_text
 from specularia.gonio.raw import Raw, check_angles
-from specularia.gonio.rows import parse_rows
+from specularia.gonio.rows import THREE, parse_rows
 from specularia.gonio.table import Table
 
 __all__ = ["looks_right", "parse", "write"]
 
 _QUANTITIES = {"DSF": "DSF", "BSDF": "BSDF", "BRDF": "BSDF", "BTDF": "BSDF"}
 _KINDS = {"BRDF": "reflection", "BTDF": "transmission"}
+_BANDS = {"CIE-X": "CIE-X", "CIE-Y": "", "CIE-Z": "CIE-Z", "CIE-XYZ": ""}
+_XYZ = ("theta_s", "phi_s", "X", "Y", "Z")
 _FORMAT = "a line '#format: theta phi DSF' (or BSDF, BRDF, BTDF)"
 _INCIDENT = "a line '#incident_angle THETA PHI' (or #intheta and #inphi), in degrees"
 
@@ -64,37 +66,46 @@ class _Header:
         return self.entries.get(key, (0, ""))[1].strip('"')
 
 
-def parse(data: bytes, *, file: str, need_quantity: bool = True) -> Raw:
+def parse(data: bytes, *, file: str, need_quantity: bool = True) -> list[Raw]:
     """Parse a table with LF line ends; `need_quantity` is False where the user states the quantity."""
     header, start, first_line = _split(data, file)
     theta_i, phi_i, noticed = _incident(header)
-    quantity, unit, quantity_line = _quantity(header, need_quantity)
-    rows, lines = parse_rows(data[start:], file=file, first_line=first_line)
+    colour = header.text("colorimetry").upper()
+    if colour and colour not in _BANDS:
+        noticed.append(f"#colorimetry {colour} is none of {', '.join(_BANDS)}; it is not heeded")
+    columns = _XYZ if colour == "CIE-XYZ" else THREE
+    quantity, unit, quantity_line = _quantity(header, need_quantity, several=columns is _XYZ)
+    rows, lines = parse_rows(data[start:], file=file, first_line=first_line, columns=columns)
+    if columns is _XYZ:
+        noticed.append("three columns of values, CIE-XYZ: the Y is taken, X and Z are kept beside it")
     check_angles(rows[:, 0], rows[:, 1], lines, file=file, theta_max_deg=180.0)
     stated = header.number("datapoints_in_file")
     if stated is not None and int(stated) != len(rows):
         noticed.append(f"the header states {int(stated)} points, the file holds {len(rows)}")
     up = header.number("upphi") or 0.0
     wavelength = header.number("wavelength")
-    return Raw(
-        file=file,
-        theta_i_deg=theta_i,
-        phi_i_deg=phi_i,
-        up_phi_deg=up,
-        theta_s_deg=rows[:, 0].copy(),
-        phi_s_deg=pab_azimuth(rows[:, 1], up),
-        values=rows[:, 2].copy(),
-        lines=lines,
-        quantity=quantity,
-        unit=unit,
-        quantity_line=quantity_line,
-        kind=_KINDS.get(unit.upper(), ""),
-        band="" if wavelength is None else f"{wavelength:g} nm",
-        name=header.text("sample_name"),
-        synthetic="synthetic" in header.entries,
-        stated_integral=header.number("front_integral"),
-        warnings=tuple(noticed),
-    )
+    return [
+        Raw(
+            file=file,
+            theta_i_deg=theta_i,
+            phi_i_deg=phi_i,
+            up_phi_deg=up,
+            theta_s_deg=rows[:, 0].copy(),
+            phi_s_deg=pab_azimuth(rows[:, 1], up),
+            values=rows[:, columns.index("Y") if columns is _XYZ else 2].copy(),
+            lines=lines,
+            quantity=quantity,
+            unit=unit,
+            quantity_line=quantity_line,
+            kind=_KINDS.get(unit.upper(), ""),
+            band=_BANDS.get(colour, "") if wavelength is None else f"{wavelength:g} nm",
+            name=header.text("sample_name"),
+            synthetic="synthetic" in header.entries,
+            stated_integral=header.number("front_integral"),
+            others={"CIE-X": rows[:, 2].copy(), "CIE-Z": rows[:, 4].copy()} if columns is _XYZ else {},
+            warnings=tuple(noticed),
+        )
+    ]
 
 
 def _split(data: bytes, file: str) -> tuple[_Header, int, int]:
@@ -145,8 +156,8 @@ def _incident(header: _Header) -> tuple[float, float, list[str]]:
     return pair[0], pair[1], noticed
 
 
-def _quantity(header: _Header, need: bool) -> tuple[str | None, str, int | None]:
-    """Quantity, the file's word for it and its line."""
+def _quantity(header: _Header, need: bool, *, several: bool) -> tuple[str | None, str, int | None]:
+    """Quantity, the file's word for it and its line; `several` columns may be announced for CIE-XYZ."""
     if "format" not in header.entries:
         if not need:
             return None, "", None
@@ -167,13 +178,19 @@ def _quantity(header: _Header, need: bool) -> tuple[str | None, str, int | None]
             found=repr(text),
             advice="Name the quantity, or say --quantity DSF or BSDF.",
         )
+    if several and len(words) > 3:
+        # "DSF_X DSF_Y DSF_Z" or "DSF X Y Z": what stands before the letters is the quantity.
+        words = [
+            *words[:2],
+            *dict.fromkeys(w for w in (re.sub(r"[-_:]?[XYZ]$", "", v) for v in words[2:]) if w),
+        ]
     if len(words) > 3 and not words[3].startswith("["):
         raise FormatError(
             file=header.file,
             line=line,
             expected=f"{_FORMAT}: one quantity",
             found=repr(text),
-            advice="Keep one column of values (of CIE-XYZ, the Y).",
+            advice="Keep one column of values, or say '#colorimetry: CIE-XYZ' of columns X, Y and Z.",
         )
     unit = words[2] if len(words) > 2 else ""
     return _QUANTITIES.get(re.sub(r"\[.*\]$", "", unit).upper()), unit, line
@@ -183,15 +200,19 @@ def write(table: Table, path: str | Path) -> Path:
     """Write a table as a pab-opto file, in the frame its incident azimuth is given in.
 
     The file can be read by `gonio.read` and by Radiance's `pabopto2bsdf`. Angles are kept to 1e-4 degrees,
-    values to seven digits.
+    values to seven digits; a table with columns for CIE-X and CIE-Z keeps them.
     """
     if any(ord(c) < 32 for c in table.name + table.band):
         raise PhysicsError("the name of a sample and its band must stand on one line.")
     lines = [f'#sample_name "{table.name}"'] if table.name else []
     if table.synthetic:
         lines.append("#synthetic: made by a computer program, not measured")
-    if table.band == "Visible":
-        lines.append("#colorimetry: CIE-Y")
+    columns = [table.values]
+    if table.band == "Visible" and {"CIE-X", "CIE-Z"} <= set(table.others):
+        lines.append("#colorimetry: CIE-XYZ")
+        columns = [table.others["CIE-X"], table.values, table.others["CIE-Z"]]
+    elif table.band in ("Visible", "CIE-X", "CIE-Z"):
+        lines.append(f"#colorimetry: {table.band.replace('Visible', 'CIE-Y')}")
     elif table.band.endswith(" nm"):
         lines.append(f"#wavelength {table.band}")
     else:
@@ -200,11 +221,11 @@ def write(table: Table, path: str | Path) -> Path:
         )
     lines += [
         f"#format: theta phi {table.quantity}",
-        f"#upphi {table.up_phi_deg:g}",
-        f"#incident_angle {table.theta_i_deg:g} {table.phi_i_deg:g}",
+        f"#upphi {table.up_phi_deg:.10g}",
+        f"#incident_angle {table.theta_i_deg:.10g} {table.phi_i_deg:.10g}",
         f"#datapoints_in_file {len(table.values)}",
     ]
     azimuth = pab_azimuth(table.phi_s_deg, 180.0 - table.up_phi_deg)
-    rows = "%.4f %.4f %.6e\n" * len(table.values)
-    numbers = [x for row in zip(table.theta_s_deg, azimuth, table.values) for x in row]
+    rows = ("%.4f %.4f" + " %.6e" * len(columns) + "\n") * len(table.values)
+    numbers = [x for row in zip(table.theta_s_deg, azimuth, *columns) for x in row]
     return write_text(path, "\n".join(lines) + "\n" + rows % tuple(numbers))

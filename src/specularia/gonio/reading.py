@@ -12,16 +12,20 @@ from numpy.typing import NDArray
 
 from specularia.errors import FormatError, SpeculariaWarning
 from specularia.files import existing
-from specularia.gonio import pab, viavi
+from specularia.gonio import named_columns, pab, viavi
+from specularia.gonio.beam import Beam, integrate_beam, normalised
 from specularia.gonio.integration import integral_shows
 from specularia.gonio.raw import Raw
 from specularia.gonio.rows import unify_line_ends
 from specularia.gonio.table import Table
 
-__all__ = ["FEWEST_POINTS", "READERS", "Reader", "read"]
+__all__ = ["FEWEST_POINTS", "READERS", "Reader", "read", "read_beam"]
 
 FEWEST_POINTS = 16
 """A hemisphere with fewer points is left out; a file without a fuller one is refused."""
+
+_HEAD = 4096
+"""Bytes of a file that its format is told from."""
 
 _SPARSE = 5000
 """Points below which the user is told how far apart they lie."""
@@ -33,11 +37,12 @@ class Reader:
 
     name: str
     looks_right: Callable[[bytes], bool]
-    parse: Callable[..., Raw]
+    parse: Callable[..., list[Raw]]
 
 
 READERS = (
     Reader("VIAVI", viavi.looks_right, viavi.parse),
+    Reader("named columns", named_columns.looks_right, named_columns.parse),
     Reader("pab-opto", pab.looks_right, pab.parse),
 )
 
@@ -48,16 +53,23 @@ def read(
     quantity: str | None = None,
     side: str | None = None,
     wavelength_nm: float | None = None,
+    band: str | None = None,
+    beam: Beam | None = None,
 ) -> list[Table]:
-    """Read a measured table: one record per hemisphere that the file covers.
+    """Read a measured table: one record per incident direction and hemisphere that the file covers.
 
     Parameters
     ----------
-    path : a pab-opto table, its raw ("mountain") export, or a VIAVI text file.
+    path : a pab-opto table, its raw ("mountain") export, a VIAVI text file, or a CSV table with named
+        columns.
     quantity : "DSF" or "BSDF", against what the file says; needed where it says neither.
     side : "transmission" or "reflection", against the rule that theta_s < 90 is the side the light came from.
         Of a file that covers both hemispheres, the one named is kept.
     wavelength_nm : of the light it was measured in; without it the file's word holds, else "Visible".
+    band : of a table with columns X, Y and Z, the one to take: "CIE-X", "CIE-Y" (the default) or "CIE-Z".
+    beam : the scan of the bare beam (`read_beam`) that the values are signals relative to. They become
+        absolute DSF, whatever the file's word for them, and carry the error of the scan as one that all
+        values share.
 
     Returns
     -------
@@ -68,29 +80,67 @@ def read(
     FormatError : with file, line, what was expected and what was found.
     """
     path = existing(path, what="a measured table")
+    raws = _parsed(path, need_quantity=quantity is None and beam is None)
+    if beam is not None:
+        raws = [normalised(raw, beam) for raw in raws]
+    tables = [
+        t for raw in raws for t in _tables(raw, quantity=quantity, side=side, wavelength_nm=wavelength_nm)
+    ]
+    if beam is not None:
+        tables = [replace(t, scale_se=beam.relative_se, scale_bound=beam.relative_bound) for t in tables]
+    if band is not None:
+        tables = [t.in_band(band) for t in tables]
+    for text in dict.fromkeys(w for t in tables for w in t.warnings):
+        warnings.warn(f"{path.name}: {text}.", SpeculariaWarning, stacklevel=2)
+    return tables
+
+
+def read_beam(path: str | Path) -> Beam:
+    """Read a scan of the bare beam, made without a sample, in any format that tables come in.
+
+    Parameters
+    ----------
+    path : directions around the beam and the signal there, in the unit of the tables to be normalised.
+
+    Returns
+    -------
+    beam : its power, the integral of the signal over solid angle, with its errors; see `beam.integrate_beam`.
+
+    Raises
+    ------
+    FormatError : as `read`; or where the scan does not resolve or not contain the beam.
+    """
+    path = existing(path, what="a scan of the bare beam")
+    raws = _parsed(path, need_quantity=False)
+    if len(raws) > 1:
+        raise FormatError(file=path, expected="a scan of one beam", found=f"{len(raws)} incident directions")
+    beam = integrate_beam(raws[0])
+    for text in beam.warnings:
+        warnings.warn(f"{path.name}: {text}.", SpeculariaWarning, stacklevel=2)
+    return beam
+
+
+def _parsed(path: Path, *, need_quantity: bool) -> list[Raw]:
     if path.is_dir():
         raise FormatError(file=path, expected="a measured table", found="a folder")
     try:
         data = unify_line_ends(path.read_bytes())
     except OSError as error:
         raise FormatError(file=path, expected="a file that can be read", found=str(error.strerror)) from error
-    reader = next((r for r in READERS if r.looks_right(data[:256])), None)
+    reader = next((r for r in READERS if r.looks_right(data[:_HEAD])), None)
     if reader is None:
         found = repr(data[:40].decode("latin-1").strip()) if data.strip() else "an empty file"
         raise FormatError(
             file=path,
-            expected="a measured table: pab-opto (a header of lines '#key value') or VIAVI ('!!BSDF Data')",
+            expected="a measured table: pab-opto (a header of lines '#key value'), VIAVI ('!!BSDF Data') or "
+            "CSV (a line of column names, theta_i, phi_i, theta_s, phi_s and a value)",
             found=found,
         )
-    raw = reader.parse(data, file=str(path), need_quantity=quantity is None)
+    return reader.parse(data, file=str(path), need_quantity=need_quantity)
+
+
+def _tables(raw: Raw, *, quantity: str | None, side: str | None, wavelength_nm: float | None) -> list[Table]:
     band = f"{wavelength_nm:g} nm" if wavelength_nm is not None else (raw.band or "Visible")
-    tables = _tables(raw, quantity=quantity, side=side, band=band)
-    for text in dict.fromkeys(w for t in tables for w in t.warnings):
-        warnings.warn(f"{path.name}: {text}.", SpeculariaWarning, stacklevel=2)
-    return tables
-
-
-def _tables(raw: Raw, *, quantity: str | None, side: str | None, band: str) -> list[Table]:
     noticed = [*raw.warnings, *([raw.assumed] if raw.assumed and side is None else [])]
     theta, face = raw.theta_s_deg, "front" if raw.theta_i_deg < 90 else "back"
     halves, split_note = _hemispheres(theta, light_on_front=face == "front")
@@ -141,6 +191,7 @@ def _tables(raw: Raw, *, quantity: str | None, side: str | None, band: str) -> l
                 quantity_line=raw.quantity_line,
                 # The user's word stands against the file's, its integral included.
                 stated_integral=raw.stated_integral if quantity is None else None,
+                others={k: column[chosen] for k, column in raw.others.items()},
                 warnings=tuple(here),
             )
         )

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specularia.conventions import SIDES, direction_cosines, pab_azimuth
-from specularia.errors import PhysicsError
+from specularia.errors import CoverageError, PhysicsError
 
 __all__ = ["GRAZING", "Array", "Table"]
 
@@ -40,6 +41,10 @@ class Table:
     synthetic : True for numbers that a computer program made.
     quantity_line : line of the file that names the quantity, where there is one.
     stated_integral : the file's own integral over this hemisphere, where it gives one.
+    scale_se : relative standard error of the scale that all values share, such as that of a scan of the bare
+        beam; 0 where the file gives absolute values and no error of them.
+    scale_bound : half-width of the bound on what else the scale may be off by, relative.
+    others : further columns of the same quantity by their band, [P] each; see `in_band`.
     warnings : what the reader noticed; the numbers stand.
     """
 
@@ -57,6 +62,9 @@ class Table:
     synthetic: bool = False
     quantity_line: int | None = None
     stated_integral: float | None = None
+    scale_se: float = 0.0
+    scale_bound: float = 0.0
+    others: Mapping[str, Array] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -64,8 +72,28 @@ class Table:
             raise PhysicsError(f"a table holds BSDF or DSF, not {self.quantity!r}.")
         if self.side not in SIDES:
             raise PhysicsError(f"a side is one of {', '.join(SIDES)}, not {self.side!r}.")
-        if not len(self.theta_s_deg) == len(self.phi_s_deg) == len(self.values):
+        columns = (self.phi_s_deg, self.values, *self.others.values())
+        if any(len(column) != len(self.theta_s_deg) for column in columns):
             raise PhysicsError("theta_s, phi_s and values must have the same length.")
+
+    def in_band(self, band: str) -> Table:
+        """The table of another of its columns, "CIE-X" or "CIE-Z"; "CIE-Y" and "Visible" are one.
+
+        >>> y = np.ones(4)
+        >>> one = Table("", "DSF", "transmission_front", 0.0, 0.0, y, y, y, others={"CIE-X": 2 * y})
+        >>> float(one.in_band("CIE-X").values[0])
+        2.0
+        """
+        wanted = "Visible" if band == "CIE-Y" else band
+        if wanted == self.band:
+            return self
+        if wanted not in self.others:
+            held = ", ".join(dict.fromkeys([self.band, *self.others]))
+            raise CoverageError(f"{self.label} holds {held}, not {band}.")
+        others = {k: v for k, v in self.others.items() if k != wanted}
+        return replace(
+            self, values=self.others[wanted], band=wanted, others={**others, self.band: self.values}
+        )
 
     @property
     def label(self) -> str:

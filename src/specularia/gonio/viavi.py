@@ -25,7 +25,7 @@ def looks_right(head: bytes) -> bool:
     return head.lstrip().startswith(b"!!")
 
 
-def parse(data: bytes, *, file: str, need_quantity: bool = True) -> Raw:
+def parse(data: bytes, *, file: str, need_quantity: bool = True) -> list[Raw]:
     """Parse a table with LF line ends."""
     place, number, title, label, quantity_line = 0, 1, "", "", None
     line = ""
@@ -65,18 +65,20 @@ def parse(data: bytes, *, file: str, need_quantity: bool = True) -> Raw:
     kind = _KINDS.get(label, "")
     assumed = "the format does not name its side: taken as transmission (else --side reflection)"
     reflected = kind == "reflection"
-    return Raw(
-        file=file,
-        theta_i_deg=theta_i,
-        phi_i_deg=phi_i,
-        up_phi_deg=90.0,
-        theta_s_deg=rows[:, 0] if reflected else 180.0 - rows[:, 0],
-        phi_s_deg=fold_azimuth(rows[:, 1] + 180.0),
-        values=rows[:, 2].copy(),
-        lines=lines,
-        quantity="BSDF",
-        unit=label,
-        quantity_line=quantity_line,
-        name=re.sub(r"\s+", " ", title),
-        assumed="" if kind else assumed,
-    )
+    return [
+        Raw(
+            file=file,
+            theta_i_deg=theta_i,
+            phi_i_deg=phi_i,
+            up_phi_deg=90.0,
+            theta_s_deg=rows[:, 0] if reflected else 180.0 - rows[:, 0],
+            phi_s_deg=fold_azimuth(rows[:, 1] + 180.0),
+            values=rows[:, 2].copy(),
+            lines=lines,
+            quantity="BSDF",
+            unit=label,
+            quantity_line=quantity_line,
+            name=re.sub(r"\s+", " ", title),
+            assumed="" if kind else assumed,
+        )
+    ]

@@ -1,0 +1,34 @@
+"""The spread between patches of a map is that of the pane, not of the noise."""
+
+import numpy as np
+import pytest
+from glass_reference import smooth_map
+
+from specularia.errors import PhysicsError
+from specularia.glass import Face, Slab, trace
+from specularia.glass.slab import patches
+from specularia.glass.variation import variation
+
+
+def test_a_pane_with_a_rough_and_a_smooth_half_differs_between_its_patches():
+    h = smooth_map((64, 64), seed=3, rms_slope=0.5)
+    h[:, 32:] *= 0.05
+    slab = Slab(thickness_mm=1.0, front=Face(h, 1.5, 1.5, tiling="mirror"))
+    found = variation(slab, 2, theta_deg=[0.0, 60.0], paths=80_000, seed=1)
+    each = np.array(
+        [trace(p, theta_deg=[0.0, 60.0], phi_deg=None, paths=64_000, seed=9).tau for p in patches(slab, 2)]
+    )
+    np.testing.assert_allclose(found.tau_sd, each.std(axis=0, ddof=1), atol=0.006)
+    assert found.tau_sd[1] > 0.05
+    np.testing.assert_allclose(found.tau_error, found.tau_sd / 2)
+    assert np.all(found.l1 > 4 * found.noise)
+
+
+def test_equal_patches_do_not_differ_beyond_noise():
+    tile = np.sin(2 * np.pi * np.arange(32) / 16)
+    slab = Slab(thickness_mm=1.0, front=Face(np.add.outer(tile, tile), 1.5, 1.5))
+    found = variation(slab, 2, theta_deg=[0.0, 60.0], paths=80_000, seed=1)
+    assert np.all(found.tau_sd < 0.004)
+    assert np.all(found.l1 < 1.2 * found.noise + 0.02)
+    with pytest.raises(PhysicsError, match="at least 2 patches"):
+        variation(slab, 1, theta_deg=[0.0], paths=100)
