@@ -66,7 +66,11 @@ def test_both_models_side_by_side(command: Any, files: list[Path], tmp_path: Pat
     assert code == 0
     assert out["radiance"] == out["xml"]
     assert out["model"] == pytest.approx(out["measured"], rel=1e-3)
-    assert out["radiance"] == pytest.approx(out["measured"], rel=0.2)
+    assert out["radiance"][:2] == pytest.approx(out["measured"][:2], rel=0.1)
+    # 40 degrees lies in an incidence bin that is centred at 41: Radiance loses it, and the user is told.
+    assert out["radiance"][2] < 0.2 * out["measured"][2]
+    assert any("holds 40 degrees is centred at 41.01" in note for note in out["radiance_notes"])
+    assert any("0.5791 measured" in note for note in out["radiance_notes"])
     assert all(len(out[f"radiance_{name}"]) == 3 for name in ("l1", "peak_ratio", "fwhm_ratio"))
     assert isinstance(bsdf.read(tmp_path / "m.nc"), bsdf.TabulatedModel)
     assert "pabopto2bsdf" in (tmp_path / "peer.xml").read_text()[:3000]

@@ -19,7 +19,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::specularia.errors.SpeculariaWar
 
 @pytest.fixture(scope="module")
 def summaries(oracle: Any) -> list[gonio.Summary]:
-    """Light from opposite azimuths, which bsdf2ttree refuses, with a row on the horizon, which is no array's."""
+    """Light from opposite azimuths, which bsdf2ttree refuses, and rows on the horizon."""
     counts = {"n_base": 3000, "n_mid": 1000, "n_peak": 1000}
     tables = []
     for theta, phi in ((0.0, 0.0), (20.0, 0.0), (40.0, 180.0), (60.0, 0.0)):

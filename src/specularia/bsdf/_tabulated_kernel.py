@@ -169,7 +169,7 @@ def _joined(f, g, w, logarithmic):  # type: ignore[no-untyped-def]
     if w >= 1.0:
         return g
     if logarithmic and f > 0.0 and g > 0.0:
-        return math.exp((1.0 - w) * math.log(f) + w * math.log(g))
+        return f * math.exp(w * math.log(g / f))
     return (1.0 - w) * f + w * g
 
 
@@ -225,10 +225,14 @@ def evaluate_points(  # type: ignore[no-untyped-def]
     logarithmic : True to join neighbouring tables by logarithms.
     """
     out = np.empty(x.size)
+    # One incident angle for all points, as in most calls, is placed between the rings once.
+    k0, n0, w0 = _between(s[0], rings)
     for i in nb.prange(x.size):
         si = s[min(np.int64(i), s.size - 1)]
         pi = phi[min(np.int64(i), phi.size - 1)]
-        k, n, w = _between(si, rings)
+        k, n, w = k0, n0, w0
+        if s.size > 1:
+            k, n, w = _between(si, rings)
         value = 0.0
         for r in range(k, n + 1 if w > 0.0 else k + 1):
             a, b, u = _in_ring(pi, first[r], first[r + 1], azimuth)

@@ -45,7 +45,7 @@ class Image:
     npz : the same as arrays: `luminance` [rows, columns] in cd/m2, row 0 at the top.
     luminance : that array.
     view : what it was taken with.
-    pixels : (column, row) of every sensor that is in view, counted from the upper left corner of the picture,
+    pixels : of every sensor that is in view: columns, rows counted from the upper left corner of the picture,
         pixel centres at halves; for labels.
     """
 

@@ -60,7 +60,7 @@ class Cluster:
         except ImportError as error:
             raise SpeculariaError(
                 "tracing on several processes or machines needs dask.distributed: "
-                "pip install 'specularia[cluster]'."
+                "pip install dask distributed."
             ) from error
         address = self.scheduler
         if self.workers is not None:

@@ -45,7 +45,7 @@ class Healed:
     Parameters
     ----------
     surface : plateaux as measured, pits bridged; no missing pixels.
-    pits : [row, column], True where the height was replaced.
+    pits : [rows, columns], True where the height was replaced.
     pit_coverage : share of pits among all pixels.
     Sdq_before, Sdq_after : rms slope of the map given and of the healed one.
     tolerance_um : depth below the original surface from which a pixel counts as pit.

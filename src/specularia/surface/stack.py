@@ -31,7 +31,7 @@ class Stack:
 
     Parameters
     ----------
-    frames : [slice, row, column] or [slice, row, column, colour], row 0 at the lowest y.
+    frames : [slices, rows, columns] or [slices, rows, columns, colours], row 0 at the lowest y.
     pitch_um : pixel size (x, y).
     step_um : height of each slice above the one before, out of the glass; negative for a stack taken
         downwards.
