@@ -177,6 +177,15 @@ def test_the_interval_of_tau_is_that_of_noise_at_the_angles_and_widens(model: Ta
     assert np.isnan(model.tau_interval(FRONT, 95.0)[0])
 
 
+def test_info_tells_a_model_with_azimuths_from_an_isotropic_one(
+    model: TabulatedModel, tmp_path: Path, command: Any
+) -> None:
+    path = bsdf.write_model(model, tmp_path / "m.nc")
+    code, out, _ = command("bsdf", "info", str(path), "--json")
+    assert code == 0
+    assert out["rank"] == 4
+
+
 def test_files_hold_all_of_it_and_earlier_ones_are_still_read(model: TabulatedModel, tmp_path: Path) -> None:
     half = side_table((0.0, 40.0), (100.0, 190.0, 280.0), symmetry="bilateral", mirror_deg=100.0, n=24)
     both = TabulatedModel({FRONT: model.tables[FRONT], "reflection_front": half}, band="520 nm")

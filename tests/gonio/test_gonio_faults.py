@@ -322,6 +322,14 @@ def test_negative_values_are_counted_and_kept(
     assert entry["tau"] == pytest.approx(TAU_20, rel=0.005)
 
 
+def test_a_table_of_zeros_is_warned_of(command: Any, tmp_path: Path) -> None:
+    phi = np.arange(0.0, 360.0, 15.0)
+    rows = [f"{theta} {p} 0.0" for theta in range(91, 180, 4) for p in phi]
+    path = tmp_path / "zeros.dat"
+    path.write_text("\n".join(["#format: theta phi DSF", "#incident_angle 40 0", *rows]) + "\n")
+    assert accepted(command, path, "every value is zero")["tau"] == 0.0
+
+
 def test_repeated_directions_count_once_and_are_warned_of(
     command: Any, save: Callable[..., Path], table_text: Text
 ) -> None:

@@ -29,6 +29,8 @@ TOLERANCE = 0.01
 _TAU_KEPT = 2e-3
 _ROUNDS = 10
 _AZIMUTHS = 24
+_NEAR_NORMAL = np.concatenate([np.arange(0.5, 15.0, 0.5), np.arange(15.0, 45.0, 1.0)])
+"""Further angles in degrees at which the light of a side by reciprocity is taken."""
 
 
 @dataclass(frozen=True)
@@ -156,7 +158,9 @@ def _mean_taus(means: TabulatedMeans, edges: Array) -> Array:
     """Direct-hemispherical value averaged over each bin, [B].
 
     On a side by reciprocity each value is an integral over the hemisphere. There it is taken at the edges of
-    the bins and at the tables' angles, beyond 45 degrees four times as often; a monotone cubic joins them.
+    the bins and at the tables' angles, and more closely where it changes fast: beyond 45 degrees, and near
+    the normal, where a narrow lobe that comes with one table only lets it rise and fall within 5 degrees. A
+    monotone cubic joins the values.
     """
     from scipy.interpolate import PchipInterpolator
 
@@ -169,7 +173,8 @@ def _mean_taus(means: TabulatedMeans, edges: Array) -> Array:
     steep = at_edges[at_edges > 45.0]
     within = np.interp(np.arange(0.0, steep.size - 1, 0.25), np.arange(steep.size), steep)
     last = 90.0 - (90.0 - at_edges[0]) * np.linspace(1.0, 0.0, 12)[1:-1] ** 2
-    theta = np.unique(np.round(np.concatenate([at_edges, within, means.table.theta_i_deg, last]), 9))
+    own = means.table.theta_i_deg
+    theta = np.unique(np.round(np.concatenate([at_edges, within, own, last, _NEAR_NORMAL]), 9))
     tau = [means.light(float(t)) for t in theta]
     curve = PchipInterpolator(np.append(theta, 90.0), np.append(tau, 0.0))
     averages = [angles_between(low, high, _points(high)) for low, high in spans]

@@ -8,6 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter, minimum_filter
 
 from specularia.bsdf.model import Array, ScatteringModel
 from specularia.conventions import disk_to_square, square_to_disk
@@ -18,6 +19,10 @@ _FINEST = 16
 """At most this many points along the edge of a cell."""
 _POINTS_ACROSS = 128
 """Where nothing calls for more, points along the edge of the whole square; two a cell if it is coarse."""
+_SLICE_POINTS, _SLICE_FINEST = 2048, 128
+"""A slice has so many points along its edge where cells are uneven, and at most so many along one of them."""
+_SLICE_EFFORT = 2**23
+"""Points in all uneven cells of a slice, at most; bounds time and memory."""
 _KEPT = 512
 """Up to so many points along the edge of the square their direction cosines are kept between calls."""
 
@@ -58,16 +63,18 @@ def _means(
     value: Callable[[Array, Array], Array],
     to_disk: Callable[[Array, Array], tuple[Array, Array]],
     count: NDArray[np.intp],
+    *,
+    finest: int = _FINEST,
 ) -> Array:
     """Mean of `value` over n x n cells of the unit square, of the points that lie in the unit disk.
 
     A cell with many of the model's own quadrature points (`count` [n, n]) gets as many points here, so that a
-    lobe narrower than the cell is not missed.
+    lobe narrower than the cell is not missed; at most `finest` along its edge.
     """
     n = count.shape[0]
     least = max(2 if n < 256 else 1, _POINTS_ACROSS // n)
     wanted = np.ceil(0.5 * np.log2(np.maximum(count.ravel(), 1)))
-    points = np.clip(2**wanted, least, max(least, _FINEST)).astype(int)
+    points = np.clip(2**wanted, least, max(least, finest)).astype(int)
     out = np.empty(n * n)
     for k in np.unique(points):
         cells = np.flatnonzero(points == k)
@@ -83,6 +90,24 @@ def _count(a: Array, b: Array, n: int) -> NDArray[np.intp]:
     i = np.clip((a * n).astype(int), 0, n - 1)
     j = np.clip((b * n).astype(int), 0, n - 1)
     return np.bincount(i * n + j, minlength=n * n).reshape(n, n)
+
+
+def _uneven(means: Array, most: int) -> NDArray[np.bool_]:
+    """Cells that differ from their neighbours: they, too, are uneven inside, as where a leaf of a tree ends.
+
+    The differences of the cells left out come to less than a thousandth of the light, unless more than `most`
+    cells would be taken: then the `most` uneven ones are.
+    """
+    high = maximum_filter(np.nan_to_num(means, nan=-np.inf), 3)
+    low = minimum_filter(np.nan_to_num(means, nan=np.inf), 3)
+    steps = np.where(np.isfinite(means), high - low, 0.0).ravel()
+    order = np.argsort(steps)
+    even = np.cumsum(steps[order]) <= 1e-3 * np.nansum(means)
+    even |= steps[order] == 0.0
+    even[:-most] = True
+    chosen = np.ones(steps.size, bool)
+    chosen[order[even]] = False
+    return chosen.reshape(means.shape)
 
 
 def cell_means(
@@ -126,7 +151,8 @@ class Slice:
     ----------
     ux, uy : [N] centres of the cells along either axis, over -1 to 1.
     bsdf : [N, N] in 1/sr, mean over each cell, axis 0 ux, axis 1 uy; NaN where the centre lies outside the
-        unit disk. The sum times (2 / N)^2 is the direct-hemispherical transmission.
+        unit disk. The sum times (2 / N)^2 is the direct-hemispherical transmission, but for the light in
+        cells that the rim of the disk cuts.
     side : transmission_front, or transmission_back for light on the back.
     """
 
@@ -151,9 +177,23 @@ def transmitted_slice(
     theta = theta_deg if theta_deg < 90 else 180.0 - theta_deg
     q = model.quadrature(side, theta, phi_deg)
     own = _count(0.5 * (q.ux + 1), 0.5 * (q.uy + 1), size)
-    bsdf = _means(
-        lambda x, y: model.evaluate(side, theta, phi_deg, x, y), lambda a, b: (2 * a - 1, 2 * b - 1), own
-    )
+    finest = int(np.clip(_SLICE_POINTS // size, _FINEST, _SLICE_FINEST))
+
+    def means(count: NDArray[np.intp]) -> Array:
+        return _means(
+            lambda x, y: model.evaluate(side, theta, phi_deg, x, y),
+            lambda a, b: (2 * a - 1, 2 * b - 1),
+            count,
+            finest=finest,
+        )
+
+    bsdf = means(own)
+    # The model's own quadrature tells of lobes that fell between the points.
+    f = q.weight * model.evaluate(side, theta, phi_deg, q.ux, q.uy)
+    x, y = (np.clip((0.5 * (v + 1) * size).astype(int), 0, size - 1) for v in (q.ux, q.uy))
+    lobes = np.bincount(x * size + y, f, minlength=size**2).reshape(bsdf.shape) * (size / 2.0) ** 2
+    seen = np.fmax(bsdf, np.where(np.isfinite(bsdf), np.nan_to_num(lobes), np.nan))
+    bsdf = means(np.where(_uneven(seen, _SLICE_EFFORT // finest**2), finest**2, own))
     centre: Array = np.asarray((np.arange(size) + 0.5) * (2.0 / size) - 1.0, np.float64)
     outside = np.hypot(centre[:, None], centre[None, :]) > 1.0
     return Slice(ux=centre, uy=centre, bsdf=np.where(outside, np.nan, bsdf), side=side)

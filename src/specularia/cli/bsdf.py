@@ -55,7 +55,7 @@ def info(file: File, as_json: Json = False, quiet: Quiet = False) -> None:
             "file": str(file),
             "format": "xml" if tree else "nc",
             "basis": model.basis if isinstance(model, bsdf.XmlModel) else "tables at incident angles",
-            "rank": model.rank if isinstance(model, bsdf.XmlModel) else 3,
+            "rank": model.rank if isinstance(model, bsdf.XmlModel) else 3 if model.isotropic else 4,
             "resolution": model.resolution if isinstance(model, bsdf.XmlModel) else None,
             "bands": list(model.bands) if isinstance(model, bsdf.XmlModel) else [model.band],
             "sides": list(model.parts if isinstance(model, bsdf.XmlModel) else model.tables),

@@ -198,7 +198,8 @@ def check_set(summaries: Sequence[Summary]) -> list[str]:
     if len(azimuths) > 1:
         notes.append(
             f"tables at phi_i = {', '.join(f'{a:g}' for a in azimuths)} in one set; a model turns each by "
-            "its own azimuth, as for an isotropic sample"
+            "its own azimuth, as for an isotropic sample, unless several at one theta_i show, or --symmetry "
+            "says, that it is not"
         )
     ordered = sorted(summaries, key=lambda s: s.table.polar_deg)
     for one, two in pairwise(ordered):

@@ -168,6 +168,8 @@ def _tables(raw: Raw, *, quantity: str | None, side: str | None, wavelength_nm: 
         values = raw.values[chosen]
         if np.any(values < 0):
             here.append(f"{int(np.sum(values < 0))} of {values.size} values are negative; they are kept")
+        if not values.any():
+            here.append("every value is zero: no light was measured, or the column is not that of the signal")
         if values.size < _SPARSE:
             apart = np.degrees(np.sqrt(2 * np.pi / values.size))
             here.append(
