@@ -239,3 +239,44 @@ def test_tables_that_cannot_be_are_refused(change: dict[str, Any], message: str)
     good = side_table((0.0, 40.0), (0.0, 90.0), n=8)
     with pytest.raises(PhysicsError, match=message):
         replace(good, **change)
+
+
+def test_a_tree_of_rank_4_has_the_moments_of_both_sides(tmp_path: Path) -> None:
+    """Means over all pairs of directions, weighted so that any flip, turn or exchange of sides shows."""
+    theta, phi, base = [], [], []
+    bx, by = cell_centres(32)
+    for t, p in [(0.0, 0.0), *((t, p) for t in (30.0, 60.0) for p in np.arange(8) * 45.0)]:
+        # A wedge, which shifts the lobe towards (0.3, 0.2) wherever the light comes from.
+        c, d = np.cos(np.radians(p)), np.sin(np.radians(p))
+        dx, dy = bx + np.sin(np.radians(t)) - 0.3 * c - 0.2 * d, by - 0.2 * c + 0.3 * d
+        base.append(np.exp(-0.5 * (dx * dx + dy * dy) / 0.2**2) + 0.02)
+        theta.append(t)
+        phi.append(float(p))
+    tables = SideTable(
+        theta_i_deg=np.array(theta),
+        phi_i_deg=np.array(phi),
+        base=np.array(base, np.float32),
+        patch=np.array(base, np.float32)[:, :2, :2],
+        half_width=1e-6,
+        tau=np.full(len(theta), 0.7),
+        tau_se=np.full(len(theta), 1e-3),
+        origin="analytic",
+        symmetry="none",
+    )
+    own = TabulatedModel({FRONT: tables}, band="Visible")
+    tree = bsdf.read(bsdf.write(own, tmp_path / "t.xml", resolution=3, basis="tensor4").path)
+    rng = np.random.default_rng(5)
+    r, turn = np.sqrt(rng.random((2, 50_000))) * 0.98, rng.random((2, 50_000)) * 2 * np.pi
+    (ix, x), (iy, y) = r * np.cos(turn), r * np.sin(turn)
+    at = np.degrees(np.arcsin(r[0])), np.degrees(turn[0])
+    weights = np.stack([np.ones_like(x), x, y, ix, iy, x * ix, y * iy, x * iy, y * ix, x * y, ix * iy])
+    found = []
+    for side in (FRONT, "transmission_back"):
+        expected, got = (
+            (weights * np.nan_to_num(m.evaluate(side, *at, x, y))).mean(axis=1) for m in (own, tree)
+        )
+        np.testing.assert_allclose(got, expected, atol=0.02 * expected[0])
+        found.append(expected / expected[0])
+    # An exchange of the sides, or a flip of either coordinate, would show.
+    assert np.abs(found[0] - found[1]).max() > 0.1
+    assert min(np.abs(found[0][[1, 2]]).min(), np.abs(found[1][[3, 4]]).min()) > 0.05

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -26,12 +27,17 @@ from specularia.bsdf.build_tree import Built, angles_between, bin_mean_tau
 from specularia.bsdf.cells import _count, _means, is_isotropic
 from specularia.bsdf.model import Array, ScatteringModel
 from specularia.bsdf.reduce_rank4 import TOLERANCE, reduced
+from specularia.bsdf.tabulated import TabulatedModel
+from specularia.bsdf.tabulated_means import TabulatedMeans
 from specularia.bsdf.tensor_tree import TensorTree
 from specularia.bsdf.xml_model import TreePart, XmlModel
 from specularia.conventions import disk_to_square, square_to_disk
 from specularia.errors import PhysicsError, SpeculariaWarning
 
 __all__ = ["TOLERANCE", "build_tensor4", "incident_tau"]
+
+_Filled = tuple[NDArray[np.float32], Array, Array]
+"""Cells, and what rows and columns of them add up to."""
 
 _FINEST = 8
 
@@ -70,7 +76,8 @@ def build_tensor4(
     if cull is not None and not 0 <= cull < 100:
         raise PhysicsError(f"cull is a percentage of the cells, 0 <= cull < 100, not {cull}.")
     wanted = tuple(model.sides if sides is None else sides)
-    fill = _isotropic if is_isotropic(model) else _anisotropic
+    made: dict[str, _Filled] = {}
+    fill = _isotropic if is_isotropic(model) else partial(_anisotropic, made=made)
     out: dict[str, Built] = {}
     radius = _radius_deg(1 << resolution)
     with progress.task(f"building trees of rank 4 at 2^{resolution}", len(wanted)) as task:
@@ -277,25 +284,43 @@ def _directions(i: int, j: int, n: int, k: int) -> tuple[Array, Array]:
     return np.degrees(np.arcsin(np.minimum(np.hypot(x, y), 1.0))), np.degrees(np.arctan2(-y, x))
 
 
-def _anisotropic(
-    model: ScatteringModel, side: str, *, resolution: int
-) -> tuple[NDArray[np.float32], Array, Array]:
-    """Cells [n, n, n, n], each incident one of 2 x 2 directions, and what rows and columns add up to."""
+def _anisotropic(model: ScatteringModel, side: str, *, resolution: int, made: dict[str, _Filled]) -> _Filled:
+    """Cells [n, n, n, n], each incident one of 2 x 2 directions, and what rows and columns add up to.
+
+    What is in `made` is not made again; the side is added to it.
+    """
+    if side not in made:
+        made[side] = _each_direction(model, side, resolution=resolution, made=made)
+    return made[side]
+
+
+def _each_direction(
+    model: ScatteringModel, side: str, *, resolution: int, made: dict[str, _Filled]
+) -> _Filled:
     n = 1 << resolution
     part = model.parts.get(side) if isinstance(model, XmlModel) else None
     if isinstance(part, TreePart) and part.tree.rank == 4:
         return _regridded(part.tree, resolution)
+    if _follows(model, side):
+        # f_back(a -> b) = f_front(b -> a). A direction's incident and outgoing cells lie opposite each other.
+        cells, into, out_of = _anisotropic(model, _opposite(side), resolution=resolution, made=made)
+        turned = cells[::-1, ::-1, ::-1, ::-1].transpose(2, 3, 0, 1)
+        return np.ascontiguousarray(turned), out_of[::-1, ::-1], into[::-1, ::-1]
     rows = incident_tau(model, side, resolution=resolution)
     if not np.isfinite(rows).all():
         raise PhysicsError(f"the model has no data for {side.replace('_', ' ')} in some incident cells.")
+    means = TabulatedMeans(model, side, n=n, sparse=True) if isinstance(model, TabulatedModel) else None
     cells = np.zeros((n, n, n, n), np.float32)
     for i in range(n):
         for j in range(n):
             for theta, phi in zip(*_directions(i, j, n, 2)):
-                cells[i, j] += 0.25 * _square_means(model, side, float(theta), float(phi), n)
-    columns = None
-    if _opposite(side) in model.sides:
-        columns = incident_tau(model, _opposite(side), resolution=resolution)[::-1, ::-1]
+                if means is None:
+                    cells[i, j] += 0.25 * _square_means(model, side, float(theta), float(phi), n)
+                else:
+                    cells[i, j] += 0.25 * means.at(float(theta), float(phi))[::-1]
+    columns, other = None, _opposite(side)
+    if other in model.sides and not _follows(model, other):
+        columns = incident_tau(model, other, resolution=resolution)[::-1, ::-1]
     area = np.pi / n**2
     for _ in range(4):
         if columns is not None and np.isfinite(columns).all():

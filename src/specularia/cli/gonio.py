@@ -537,9 +537,11 @@ def _side_result(model: TabulatedModel, side: str, summaries: list[Summary], lev
     phi = np.zeros_like(theta) if measured.phi_i_deg is None else np.asarray(measured.phi_i_deg, float)
     low, high = model.tau_interval(side, theta, phi, level=level)
     own = [s for s in summaries if s.table.side == side]
-    bound = [max(s.tau_systematic for s in own if abs(s.table.polar_deg - t) < 0.05) for t in theta]
+    bound = np.array([max(s.tau_systematic for s in own if abs(s.table.polar_deg - t) < 0.05) for t in theta])
     curve = np.append(np.arange(0.0, 90.0, 2.5), 89.5)
     curve_low, curve_high = model.tau_interval(side, curve, level=level)
+    # The model's interval knows noise and interpolation; what gaps and shadows may hide comes on top.
+    widened = np.interp(curve, theta, bound)
     beyond = model.extrapolated_beyond_deg[side]
     return {
         "theta_deg": theta,
@@ -549,14 +551,14 @@ def _side_result(model: TabulatedModel, side: str, summaries: list[Summary], lev
         "measured_se": measured.tau_se,
         "tau_systematic": bound,
         "interval_level": level,
-        "interval_low": low,
-        "interval_high": high,
+        "interval_low": np.maximum(low - bound, 0.0),
+        "interval_high": high + bound,
         "extrapolated_beyond_deg": beyond,
         "curve": {
             "theta_deg": curve,
             "model": model.direct_hemispherical(side, curve),
-            "low": curve_low,
-            "high": curve_high,
+            "low": np.maximum(curve_low - widened, 0.0),
+            "high": curve_high + widened,
             "extrapolated": curve > beyond,
         },
     }
