@@ -139,7 +139,7 @@ def test_sky_and_sun_are_rendered_with_the_mean_over_the_cell_within_one_percent
         a, b = disk_to_square(s * np.cos(np.radians(17.0)), -s * np.sin(np.radians(17.0)))
         cell = tau[np.minimum((a * 32).astype(int), 31), np.minimum((b * 32).astype(int), 31)]
         sun, _ = rendered_sun_tau(
-            path, theta_deg=place, phi_deg=17.0, rays=15_000, rng=np.random.default_rng(1), model=read
+            path, theta_deg=place, phi_deg=17.0, rays=120_000, rng=np.random.default_rng(1), model=read
         )
         for seen in (float(dome), sun):
             assert 0.99 * cell.min() <= seen <= 1.01 * cell.max(), theta
