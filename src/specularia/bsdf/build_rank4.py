@@ -24,7 +24,7 @@ from specularia import progress
 from specularia.bsdf import _rank4_kernel as kernel
 from specularia.bsdf._query_kernel import tree_cells
 from specularia.bsdf.build_tree import Built, angles_between, bin_mean_tau
-from specularia.bsdf.cells import _count, _means, is_isotropic
+from specularia.bsdf.cells import cell_points, is_isotropic, refined_means
 from specularia.bsdf.model import Array, ScatteringModel
 from specularia.bsdf.reduce_rank4 import TOLERANCE, reduced
 from specularia.bsdf.tabulated import TabulatedModel
@@ -352,5 +352,7 @@ def _regridded(tree: TensorTree, resolution: int) -> tuple[NDArray[np.float32], 
 def _square_means(model: ScatteringModel, side: str, theta: float, phi: float, n: int) -> Array:
     """Means over the outgoing cells of a file, which counts x the other way."""
     q = model.quadrature(side, theta, phi)
-    own = _count(*disk_to_square(-q.ux, q.uy), n)
-    return np.nan_to_num(_means(lambda x, y: model.evaluate(side, theta, phi, -x, y), square_to_disk, own))
+    own = cell_points(*disk_to_square(-q.ux, q.uy), n)
+    return np.nan_to_num(
+        refined_means(lambda x, y: model.evaluate(side, theta, phi, -x, y), square_to_disk, own)
+    )

@@ -13,7 +13,7 @@ from scipy.ndimage import maximum_filter, minimum_filter
 from specularia.bsdf.model import Array, ScatteringModel
 from specularia.conventions import disk_to_square, square_to_disk
 
-__all__ = ["Slice", "cell_means", "grid", "is_isotropic", "transmitted_slice"]
+__all__ = ["Slice", "cell_means", "cell_points", "grid", "is_isotropic", "refined_means", "transmitted_slice"]
 
 _FINEST = 16
 """At most this many points along the edge of a cell."""
@@ -59,7 +59,7 @@ def _all_points(n: int, k: int) -> tuple[Array, Array]:
     return x, y
 
 
-def _means(
+def refined_means(
     value: Callable[[Array, Array], Array],
     to_disk: Callable[[Array, Array], tuple[Array, Array]],
     count: NDArray[np.intp],
@@ -86,7 +86,7 @@ def _means(
     return out.reshape(n, n)
 
 
-def _count(a: Array, b: Array, n: int) -> NDArray[np.intp]:
+def cell_points(a: Array, b: Array, n: int) -> NDArray[np.intp]:
     i = np.clip((a * n).astype(int), 0, n - 1)
     j = np.clip((b * n).astype(int), 0, n - 1)
     return np.bincount(i * n + j, minlength=n * n).reshape(n, n)
@@ -137,8 +137,8 @@ def cell_means(
     def value(x: Array, y: Array) -> Array:
         return model.evaluate(side, theta_i_deg, phi_i_deg, x * c - y * d, x * d + y * c)
 
-    own = _count(*disk_to_square(q.ux * c + q.uy * d, q.uy * c - q.ux * d), n)
-    out = np.nan_to_num(_means(value, square_to_disk, own))
+    own = cell_points(*disk_to_square(q.ux * c + q.uy * d, q.uy * c - q.ux * d), n)
+    out = np.nan_to_num(refined_means(value, square_to_disk, own))
     total = out.sum() * np.pi / n**2
     return out * (tau / total) if total > 0 else out
 
@@ -176,11 +176,11 @@ def transmitted_slice(
     side = "transmission_front" if theta_deg < 90 else "transmission_back"
     theta = theta_deg if theta_deg < 90 else 180.0 - theta_deg
     q = model.quadrature(side, theta, phi_deg)
-    own = _count(0.5 * (q.ux + 1), 0.5 * (q.uy + 1), size)
+    own = cell_points(0.5 * (q.ux + 1), 0.5 * (q.uy + 1), size)
     finest = int(np.clip(_SLICE_POINTS // size, _FINEST, _SLICE_FINEST))
 
     def means(count: NDArray[np.intp]) -> Array:
-        return _means(
+        return refined_means(
             lambda x, y: model.evaluate(side, theta, phi_deg, x, y),
             lambda a, b: (2 * a - 1, 2 * b - 1),
             count,

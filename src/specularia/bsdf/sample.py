@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from specularia.bsdf.cells import _count, _means, cell_means, is_isotropic
+from specularia.bsdf.cells import cell_means, cell_points, is_isotropic, refined_means
 from specularia.bsdf.model import Array, ScatteringModel
 from specularia.conventions import disk_to_square, square_to_disk
 from specularia.errors import CoverageError
@@ -64,8 +64,10 @@ def sample(
     else:
         # In the sample's own frame, where the cells of a tree of rank 4 are whole cells here.
         q = model.quadrature(side, theta_i_deg, phi_i_deg)
-        own = _count(*disk_to_square(q.ux, q.uy), n)
-        mean = _means(lambda x, y: model.evaluate(side, theta_i_deg, phi_i_deg, x, y), square_to_disk, own)
+        own = cell_points(*disk_to_square(q.ux, q.uy), n)
+        mean = refined_means(
+            lambda x, y: model.evaluate(side, theta_i_deg, phi_i_deg, x, y), square_to_disk, own
+        )
         mean = np.maximum(np.nan_to_num(mean), 0.0).ravel()
     total = mean.sum()
     if not total > 0:
