@@ -96,7 +96,8 @@ def build(folder: Path, resolution: int) -> None:
     seconds = np.empty((BUILDS, 2))
     for run in range(BUILDS):
         start = time.perf_counter()
-        built = [build_tree.build(model, s, resolution=resolution, cull=90.0) for s in model.sides]
+        sides = build_tree.build_sides(model, model.sides, resolution=resolution, cull=90.0)
+        built = [tree for _, tree in sides]
         middle = time.perf_counter()
         radiance.run([*command, "lobe"], cwd=folder)
         seconds[run] = middle - start, time.perf_counter() - middle

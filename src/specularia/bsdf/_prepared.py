@@ -16,8 +16,14 @@ from specularia.bsdf.tabulated_cells import fill_beyond_horizon, quadrature_cell
 
 __all__ = ["Prepared"]
 
-_STEPS = 6
-"""Subdivisions between two incident angles at which the integral of the carried distribution is taken."""
+_DEGREE = 8
+"""Of the polynomial in the angle, between two rings, that stands for the integral of the carried
+distribution, taken at Chebyshev's points. It keeps the light of lobes of 1 to 3 degrees to parts in 1e4."""
+
+_NODES = -np.cos(np.pi * np.arange(_DEGREE + 1) / _DEGREE)
+
+_LEAST_CELLS = 256
+"""Points along each edge of both tables for that integral, at least."""
 
 _AZIMUTH_STEP = np.radians(12.0)
 """The same between azimuths: at most this far apart."""
@@ -37,11 +43,15 @@ class Prepared:
         nodes = _nodes(table, np.append(start, sines.size))
         self.first, self.azimuth, self.which, self.mirrored = nodes
         self._tau = TauOfSide(table, *nodes[:3], transmission=transmission)
-        ends = np.concatenate([[0.0] if self.rings[0] > 0 else [], self.rings, [1.0 - 1e-9]])
-        self.sines = np.unique(np.concatenate([np.linspace(a, b, _STEPS + 1) for a, b in pairwise(ends)]))
+        inner = [0.0] if self.rings[0] > 0 else []
+        self._ends = np.arcsin(np.concatenate([inner, self.rings, [1.0 - 1e-9]]))
+        self._angles = np.append(
+            np.concatenate([a + (b - a) * 0.5 * (_NODES[:-1] + 1.0) for a, b in pairwise(self._ends)]),
+            self._ends[-1],
+        )
         self.azimuths = _azimuth_grid(nodes[1])
         # One azimuth more than there are: the first again, a full turn later.
-        self._integrals = np.full((self.sines.size, self.azimuths.size), np.nan)
+        self._integrals = np.full((self._angles.size, self.azimuths.size), np.nan)
 
     def tau(self, theta_deg: Array, phi: Array) -> Array:
         return self._tau.value(theta_deg, phi)
@@ -71,9 +81,13 @@ class Prepared:
         """Integrals of the carried distribution at nodes of the grid, taken when they are first asked for."""
         missing = np.isnan(self._integrals[i, j])
         for a in np.unique(i[missing]):
-            s = np.array([self.sines[a]])
+            s = np.sin(self._angles[a : a + 1])
+            # Coarse tables bend between their cells' centres: more points than they have cells.
             x, y, weight = quadrature_cells(
-                float(s[0]), self.base.shape[1], self.patch.shape[1], self.table.half_width
+                float(s[0]),
+                max(self.base.shape[1], _LEAST_CELLS),
+                max(self.patch.shape[1], _LEAST_CELLS),
+                self.table.half_width,
             )
             for b in np.unique(j[missing & (i == a)]):
                 value = np.sum(weight * self._shape(s, self.azimuths[b : b + 1] % _FULL, x, y))
@@ -82,13 +96,18 @@ class Prepared:
 
     def _scale(self, s: Array, phi: Array) -> Array:
         """What makes the carried distribution's integral tau; 0 where there is no light."""
-        i, u = _between(s, self.sines)
-        below, above = (
-            self._along_azimuth(i, phi),
-            self._along_azimuth(np.minimum(i + 1, self.sines.size - 1), phi),
-        )
-        integral = (1.0 - u) * below + u * above
-        tau = self.tau(np.degrees(np.arcsin(s)), phi)
+        theta = np.arcsin(s)
+        interval, share = _between(theta, self._ends)
+        integral = np.zeros(np.broadcast_shapes(s.shape, phi.shape))
+        for j in range(_DEGREE + 1):
+            weight = np.ones(s.shape)
+            for k in range(_DEGREE + 1):
+                if k != j:
+                    weight *= (2.0 * share - 1.0 - _NODES[k]) / (_NODES[j] - _NODES[k])
+            # Most calls are for one angle that is a node itself: no other integral is taken then.
+            if weight.any():
+                integral += weight * self._along_azimuth(interval * _DEGREE + j, phi)
+        tau = self.tau(np.degrees(theta), phi)
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(integral > 0, tau / integral, 0.0)
 

@@ -79,16 +79,18 @@ def _swung(dx, dy, t, turn):  # type: ignore[no-untyped-def]
 
 
 @nb.njit(cache=True, error_model="numpy", nogil=True)
-def _bilinear(table, p, q):  # type: ignore[no-untyped-def]
-    """Value at (p, q) counted in cells from the table's corner; constant beyond the outermost centres."""
-    n = table.shape[0]
+def _bilinear(tables, j, p, q):  # type: ignore[no-untyped-def]
+    """Value of a table at (p, q) counted in cells from its corner; constant beyond the outermost centres."""
+    # A slice `tables[j]` would count references in memory that all threads share.
+    n = tables.shape[1]
     p = min(max(p - 0.5, 0.0), n - 1.0)
     q = min(max(q - 0.5, 0.0), n - 1.0)
-    i = min(int(p), max(n - 2, 0))
-    j = min(int(q), max(n - 2, 0))
-    k, l = min(i + 1, n - 1), min(j + 1, n - 1)
-    u, v = p - i, q - j
-    return (1 - u) * ((1 - v) * table[i, j] + v * table[i, l]) + u * ((1 - v) * table[k, j] + v * table[k, l])
+    a = min(int(p), max(n - 2, 0))
+    b = min(int(q), max(n - 2, 0))
+    c, d = min(a + 1, n - 1), min(b + 1, n - 1)
+    u, v = p - a, q - b
+    low = (1 - v) * tables[j, a, b] + v * tables[j, a, d]
+    return (1 - u) * low + u * ((1 - v) * tables[j, c, b] + v * tables[j, c, d])
 
 
 @nb.njit(cache=True, error_model="numpy", nogil=True)
@@ -111,25 +113,25 @@ def _square(x, y):  # type: ignore[no-untyped-def]
 
 
 @nb.njit(cache=True, error_model="numpy", nogil=True)
-def _look_up(dx, dy, t, base, patch, half_width):  # type: ignore[no-untyped-def]
-    """Value of a table at an offset from its undeflected direction (-t, 0)."""
+def _look_up(dx, dy, t, base, patch, j, half_width):  # type: ignore[no-untyped-def]
+    """Value of table j at an offset from its undeflected direction (-t, 0)."""
     # Over the outer tenth of the patch the fine table gives way to the coarse one, so that no step shows.
     inside = (half_width - max(abs(dx), abs(dy))) / (0.1 * half_width)
     fine = 0.0
     if inside > 0.0:
-        m = patch.shape[0]
+        m = patch.shape[1]
         scale = m / (2.0 * half_width)
-        fine = _bilinear(patch, (dx + half_width) * scale, (dy + half_width) * scale)
+        fine = _bilinear(patch, j, (dx + half_width) * scale, (dy + half_width) * scale)
         if inside >= 1.0:
             return fine
     a, b = _square(dx - t, dy)
-    n = base.shape[0]
-    coarse = _bilinear(base, a * n, b * n)
+    n = base.shape[1]
+    coarse = _bilinear(base, j, a * n, b * n)
     return coarse if inside <= 0.0 else inside * fine + (1.0 - inside) * coarse
 
 
 @nb.njit(cache=True, error_model="numpy", nogil=True)
-def _swung_value(dx, dy, t, turn, mirrored, base, patch, half_width):  # type: ignore[no-untyped-def]
+def _swung_value(dx, dy, t, turn, mirrored, base, patch, j, half_width):  # type: ignore[no-untyped-def]
     """Value of a table of another azimuth, and how much it counts against its neighbour's.
 
     A table knows nothing beyond its own horizon, where its neighbour may well see: it counts less the closer
@@ -141,9 +143,9 @@ def _swung_value(dx, dy, t, turn, mirrored, base, patch, half_width):  # type: i
     f = 0.0
     lost = max(1.0 - seen / _HARDLY_SEEN, 0.0)
     if lost < 1.0:
-        f += (1.0 - lost) * _look_up(ex, side * ey, t, base, patch, half_width)
+        f += (1.0 - lost) * _look_up(ex, side * ey, t, base, patch, j, half_width)
     if lost > 0.0:
-        f += lost * _look_up(dx, side * dy, t, base, patch, half_width)
+        f += lost * _look_up(dx, side * dy, t, base, patch, j, half_width)
     return f, seen + _LEAST
 
 
@@ -181,18 +183,18 @@ def _two_in_ring(  # type: ignore[no-untyped-def]
     dx, dy = _moved(x + s, y, s, t)
     j = table[a]
     if azimuth.size == 0:
-        f = _look_up(dx, dy, t, base[j], patch[j], half_width)
+        f = _look_up(dx, dy, t, base, patch, j, half_width)
         return f, f, 0.0
-    f, v = _swung_value(dx, dy, t, phi - azimuth[a], mirrored[a], base[j], patch[j], half_width)
+    f, v = _swung_value(dx, dy, t, phi - azimuth[a], mirrored[a], base, patch, j, half_width)
     if u == 0.0:
         return f, f, 0.0
     j = table[b]
-    g, w = _swung_value(dx, dy, t, phi - azimuth[b], mirrored[b], base[j], patch[j], half_width)
+    g, w = _swung_value(dx, dy, t, phi - azimuth[b], mirrored[b], base, patch, j, half_width)
     return f, g, u * w / ((1.0 - u) * v + u * w)
 
 
 @nb.njit(cache=True, error_model="numpy", nogil=True)
-def _between(s, rings):  # type: ignore[no-untyped-def]
+def _between(s, rings, angles):  # type: ignore[no-untyped-def]
     """The two rings around sin theta_i = s and the share of the second; the nearest one outside.
 
     Shares go with the angle: with its sine, the ring next to grazing incidence would reach too far (at 70
@@ -203,8 +205,7 @@ def _between(s, rings):  # type: ignore[no-untyped-def]
     n = min(k + 1, last)
     if n == k:
         return k, n, 0.0
-    low = math.asin(rings[k])
-    return k, n, min(max((math.asin(s) - low) / (math.asin(rings[n]) - low), 0.0), 1.0)
+    return k, n, min(max((math.asin(s) - angles[k]) / (angles[n] - angles[k]), 0.0), 1.0)
 
 
 @nb.njit(cache=True, error_model="numpy", parallel=True)
@@ -225,14 +226,15 @@ def evaluate_points(  # type: ignore[no-untyped-def]
     logarithmic : True to join neighbouring tables by logarithms.
     """
     out = np.empty(x.size)
+    angles = np.arcsin(rings)
     # One incident angle for all points, as in most calls, is placed between the rings once.
-    k0, n0, w0 = _between(s[0], rings)
+    k0, n0, w0 = _between(s[0], rings, angles)
     for i in nb.prange(x.size):
         si = s[min(np.int64(i), s.size - 1)]
         pi = phi[min(np.int64(i), phi.size - 1)]
         k, n, w = k0, n0, w0
         if s.size > 1:
-            k, n, w = _between(si, rings)
+            k, n, w = _between(si, rings, angles)
         value = 0.0
         for r in range(k, n + 1 if w > 0.0 else k + 1):
             a, b, u = _in_ring(pi, first[r], first[r + 1], azimuth)
@@ -261,10 +263,11 @@ def spread_points(  # type: ignore[no-untyped-def]
     """
     noise, apart = np.empty(x.size), np.empty(x.size)
     last = rings.size - 1
+    angles = np.arcsin(rings)
     for i in nb.prange(x.size):
         si = s[min(np.int64(i), s.size - 1)]
         pi = phi[min(np.int64(i), phi.size - 1)]
-        k, n, w = _between(si, rings)
+        k, n, w = _between(si, rings, angles)
         spread = w * (1.0 - w)
         if k == last and last > 0 and si > rings[last]:
             k, n, w = last - 1, last, 1.0

@@ -9,6 +9,8 @@ cells, 4 x 4 x 4 and so on where the error that this makes is small.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -20,17 +22,16 @@ from specularia.bsdf.model import Array, ScatteringModel
 from specularia.bsdf.tabulated import TabulatedModel
 from specularia.bsdf.tabulated_means import TabulatedMeans
 from specularia.bsdf.tensor_tree import BRANCH, TensorTree
+from specularia.bsdf.views import other_face
 from specularia.errors import PhysicsError, SpeculariaWarning
 
-__all__ = ["Built", "bin_edges", "bin_mean_tau", "build", "fill_cells", "reduce_cells"]
+__all__ = ["Built", "bin_edges", "bin_mean_tau", "build", "build_sides", "fill_cells", "reduce_cells"]
 
 TOLERANCE = 0.01
 """Share of a bin's light that reduction may put elsewhere where no number of cells to remove is asked for."""
 _TAU_KEPT = 2e-3
 _ROUNDS = 10
 _AZIMUTHS = 24
-_NEAR_NORMAL = np.concatenate([np.arange(0.5, 15.0, 0.5), np.arange(15.0, 45.0, 1.0)])
-"""Further angles in degrees at which the light of a side by reciprocity is taken."""
 
 
 @dataclass(frozen=True)
@@ -94,13 +95,21 @@ def bin_mean_tau(model: ScatteringModel, side: str, *, low: float, high: float, 
     return float(np.sum(w[known] * tau[known]) / w[known].sum()) if known.any() else float("nan")
 
 
-def fill_cells(model: ScatteringModel, side: str, *, resolution: int) -> tuple[NDArray[np.float32], Array]:
+def fill_cells(
+    model: ScatteringModel,
+    side: str,
+    *,
+    resolution: int,
+    opposite: NDArray[np.float32] | None = None,
+) -> tuple[NDArray[np.float32], Array]:
     """A model averaged over all cells of a tree.
 
     Parameters
     ----------
     model, side : what to average; a model that is not isotropic is averaged over azimuth as well.
     resolution : g, 3 to 9.
+    opposite : the cells of the transmission side from which this one is made by reciprocity, where they are
+        at hand; else they are made.
 
     Returns
     -------
@@ -113,7 +122,9 @@ def fill_cells(model: ScatteringModel, side: str, *, resolution: int) -> tuple[N
     azimuths = np.zeros(1) if is_isotropic(model) else np.arange(_AZIMUTHS) * (360.0 / _AZIMUTHS)
     cells = np.zeros((n // 2, n, n), np.float32)
     if isinstance(model, TabulatedModel) and model.isotropic:
-        return _fill_from_tables(TabulatedMeans(model, side, n=n), edges, cells)
+        if side not in model.tables and opposite is None:
+            opposite, _ = fill_cells(model, other_face(side), resolution=resolution)
+        return _fill_from_tables(TabulatedMeans(model, side, n=n), edges, cells, opposite)
     tau = np.full(n // 2, np.nan)
     for k in range(n // 2):
         low, high = float(edges[k + 1]), float(edges[k])
@@ -136,16 +147,23 @@ def fill_cells(model: ScatteringModel, side: str, *, resolution: int) -> tuple[N
 
 
 def _fill_from_tables(
-    means: TabulatedMeans, edges: Array, cells: NDArray[np.float32]
+    means: TabulatedMeans, edges: Array, cells: NDArray[np.float32], opposite: NDArray[np.float32] | None
 ) -> tuple[NDArray[np.float32], Array]:
     """`fill_cells` for an isotropic tabulated model, which has data everywhere."""
     bins, n, _ = cells.shape
-    tau = _mean_taus(means, edges)
-    count = 4 if bins <= 32 else 3 if bins == 64 else 2
-    for k in range(bins):
-        low, high = float(edges[k + 1]), float(edges[k])
+    spans = [(float(low), float(high)) for high, low in pairwise(edges)]
+    tau = (
+        _light_by_reciprocity(opposite)
+        if means.reciprocal and opposite is not None
+        else np.array(
+            [bin_mean_tau(means.model, means.side, low=a, high=b, count=_points(b)) for a, b in spans]
+        )
+    )
+    count = max(128 // bins, 2 if bins > 64 else 3)
+    for k, (low, high) in enumerate(spans):
         total = np.zeros((n, n))
-        for theta, w in zip(*angles_between(low, high, count)):
+        # Towards grazing incidence the distribution changes most within a bin.
+        for theta, w in zip(*angles_between(low, high, 2 * count if high == 1.0 else count)):
             total += w * means.at(float(theta))
         middle = slice(n // 2 - 1, n // 2 + 1)
         total[middle, middle] = total[middle, middle].mean()
@@ -154,31 +172,21 @@ def _fill_from_tables(
     return cells, tau
 
 
-def _mean_taus(means: TabulatedMeans, edges: Array) -> Array:
-    """Direct-hemispherical value averaged over each bin, [B].
+def _light_by_reciprocity(cells: NDArray[np.float32]) -> Array:
+    """Direct-hemispherical value of each incidence bin of the opposite side, [B].
 
-    On a side by reciprocity each value is an integral over the hemisphere. There it is taken at the edges of
-    the bins and at the tables' angles, and more closely where it changes fast: beyond 45 degrees, and near
-    the normal, where a narrow lobe that comes with one table only lets it rise and fall within 5 degrees. A
-    monotone cubic joins the values.
+    The rings that the square's cells make around the middle are the incidence bins. With f(i -> j) the mean
+    of the opposite side over light from ring i and into ring j, light from ring j of this side adds up to
+    sum_i A_i f(i -> j), A_i the projected solid angle of ring i.
     """
-    from scipy.interpolate import PchipInterpolator
-
-    spans = [(float(low), float(high)) for high, low in pairwise(edges)]
-    if not means.reciprocal:
-        return np.array(
-            [bin_mean_tau(means.model, means.side, low=a, high=b, count=_points(b)) for a, b in spans]
-        )
-    at_edges = np.degrees(np.arcsin(edges[1:]))
-    steep = at_edges[at_edges > 45.0]
-    within = np.interp(np.arange(0.0, steep.size - 1, 0.25), np.arange(steep.size), steep)
-    last = 90.0 - (90.0 - at_edges[0]) * np.linspace(1.0, 0.0, 12)[1:-1] ** 2
-    own = means.table.theta_i_deg
-    theta = np.unique(np.round(np.concatenate([at_edges, within, own, last, _NEAR_NORMAL]), 9))
-    tau = [means.light(float(t)) for t in theta]
-    curve = PchipInterpolator(np.append(theta, 90.0), np.append(tau, 0.0))
-    averages = [angles_between(low, high, _points(high)) for low, high in spans]
-    return np.array([float(np.sum(w * curve(angles))) for angles, w in averages])
+    bins, n, _ = cells.shape
+    way = np.abs(2 * np.arange(n) + 1 - n)
+    ring = (np.maximum(way[:, None], way[None, :]) - 1) // 2
+    count = np.bincount(ring.ravel())
+    into = np.stack([np.bincount(ring.ravel(), c.ravel(), bins) for c in cells]) / count
+    area = np.pi / n**2 * count
+    # Bins run from grazing to normal incidence, rings outwards.
+    return np.asarray(area[::-1] @ into)[::-1]
 
 
 def _extend(
@@ -428,22 +436,49 @@ def build(
     cull : percentage of the cells to remove, 0 to 100; None removes as many as `tolerance` allows.
     tolerance : see `reduce_cells`.
     """
+    return next(build_sides(model, [side], resolution=resolution, cull=cull, tolerance=tolerance))[1]
+
+
+def build_sides(
+    model: ScatteringModel,
+    sides: Sequence[str],
+    *,
+    resolution: int = 6,
+    cull: float | None = None,
+    tolerance: float = TOLERANCE,
+) -> Iterator[tuple[str, Built]]:
+    """Sides of a model as rank-3 trees, one after the other; parameters as for `build`.
+
+    A side by reciprocity takes its light from the cells of its opposite, so that both trees agree, and comes
+    after it.
+    """
     if not 3 <= resolution <= 9:
         raise PhysicsError(f"a tree's resolution must lie between 3 and 9, not {resolution}.")
     if cull is not None and not 0 <= cull < 100:
         raise PhysicsError(f"cull is a percentage of the cells, 0 <= cull < 100, not {cull}.")
-    cells, tau = fill_cells(model, side, resolution=resolution)
-    flat, merged = reduce_cells(cells, tau, cull=cull, tolerance=tolerance)
-    area = np.pi / cells.shape[1] ** 2
-    edges = np.degrees(np.arcsin(bin_edges(resolution)))
-    tau_tree = flat.sum(axis=(1, 2), dtype=float) * area
-    safe = np.maximum(tau, 1e-12)
-    return Built(
-        tree=_assemble(flat, merged),
-        theta_low_deg=edges[1:],
-        theta_high_deg=edges[:-1],
-        tau_model=tau,
-        tau_tree=tau_tree,
-        l1=np.abs(flat - cells).sum(axis=(1, 2), dtype=float) * area / safe,
-        removed=1.0 - _leaf_count(merged) / cells.size,
-    )
+
+    def reduced(cells: NDArray[np.float32], tau: Array) -> Built:
+        flat, merged = reduce_cells(cells, tau, cull=cull, tolerance=tolerance)
+        area = np.pi / cells.shape[1] ** 2
+        edges = np.degrees(np.arcsin(bin_edges(resolution)))
+        return Built(
+            tree=_assemble(flat, merged),
+            theta_low_deg=edges[1:],
+            theta_high_deg=edges[:-1],
+            tau_model=tau,
+            tau_tree=flat.sum(axis=(1, 2), dtype=float) * area,
+            l1=np.abs(flat - cells).sum(axis=(1, 2), dtype=float) * area / np.maximum(tau, 1e-12),
+            removed=1.0 - _leaf_count(merged) / cells.size,
+        )
+
+    own = model.tables if isinstance(model, TabulatedModel) else sides
+    filled: dict[str, NDArray[np.float32]] = {}
+    # One side is reduced while the next one is averaged.
+    with ThreadPoolExecutor(1) as pool:
+        waiting = []
+        for side in sorted(sides, key=lambda s: s not in own):
+            opposite = filled.get(other_face(side))
+            filled[side], tau = fill_cells(model, side, resolution=resolution, opposite=opposite)
+            waiting.append((side, pool.submit(reduced, filled[side], tau)))
+        for side, future in waiting:
+            yield side, future.result()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from specularia import progress
 from specularia.bsdf import xml_write
 from specularia.bsdf.azimuth import azimuth_loss
 from specularia.bsdf.build_rank4 import build_tensor4
-from specularia.bsdf.build_tree import Built, build
+from specularia.bsdf.build_tree import Built, build_sides
 from specularia.bsdf.model import Array, ScatteringModel
 from specularia.bsdf.tabulated import TabulatedModel
 from specularia.bsdf.tabulated_io import read_model, write_model
@@ -166,16 +166,13 @@ def _build_all(
     """Trees of all sides; a warning where reduction changes the light of a bin."""
     trees: dict[str, Built] = {}
     with progress.task(f"building the tensor tree of {path.name}", len(model.sides)) as task:
-        for side in model.sides:
-            if basis == "tensor4":
-                trees |= build_tensor4(model, resolution=resolution, cull=cull, sides=[side])
-            else:
-                trees[side] = build(model, side, resolution=resolution, cull=cull)
+        for side, built in _built(model, basis=basis, resolution=resolution, cull=cull):
+            trees[side] = built
+            if basis == "tensor3":
                 _warn_of_azimuths(model, side, path)
             task.advance()
-            t = trees[side]
-            floor = np.maximum(t.tau_model, 1e-3 * max(float(t.tau_model.max()), 1e-12))
-            off = float(np.max(np.abs(t.tau_tree - t.tau_model) / floor))
+            floor = np.maximum(built.tau_model, 1e-3 * max(float(built.tau_model.max()), 1e-12))
+            off = float(np.max(np.abs(built.tau_tree - built.tau_model) / floor))
             if off > 2e-3:
                 warnings.warn(
                     f"{path.name}: reduction changes the {side.replace('_', ' ')} of an incidence bin by "
@@ -183,7 +180,18 @@ def _build_all(
                     SpeculariaWarning,
                     stacklevel=3,
                 )
-    return trees
+    return {s: trees[s] for s in model.sides}
+
+
+def _built(
+    model: ScatteringModel, *, basis: str, resolution: int, cull: float | None
+) -> Iterator[tuple[str, Built]]:
+    """Trees of all sides, one after the other."""
+    if basis == "tensor3":
+        yield from build_sides(model, model.sides, resolution=resolution, cull=cull)
+    else:
+        for side in model.sides:
+            yield from build_tensor4(model, resolution=resolution, cull=cull, sides=[side]).items()
 
 
 def _warn_of_azimuths(model: ScatteringModel, side: str, path: Path) -> None:

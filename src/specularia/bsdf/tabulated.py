@@ -149,7 +149,8 @@ class TabulatedModel:
         out = np.full(theta.shape, np.nan)
         for k in np.ndindex(theta.shape):
             if good[k]:
-                q = self.quadrature(side, float(theta[k]), float(phi[k]))
+                # Between the cells' centres the other side's tables change with both directions.
+                q = self.quadrature(side, float(theta[k]), float(phi[k]), fineness=2)
                 out[k] = np.sum(q.weight * self.evaluate(side, theta[k], phi[k], q.ux, q.uy))
         return out
 
@@ -172,13 +173,18 @@ class TabulatedModel:
             low, high = low * share, high * share
         return np.where(good, low, np.nan), np.where(good, high, np.nan)
 
-    def quadrature(self, side: str, theta_i_deg: float, phi_i_deg: float = 0.0) -> Quadrature:
-        """Cells of both tables around the undeflected direction, with their projected solid angles."""
+    def quadrature(
+        self, side: str, theta_i_deg: float, phi_i_deg: float = 0.0, *, fineness: int = 1
+    ) -> Quadrature:
+        """Cells of both tables around the undeflected direction, with their projected solid angles.
+
+        `fineness` times as many along each edge.
+        """
         table = self._table(side)
         x, y, weight = quadrature_cells(
             float(np.sin(np.radians(theta_i_deg))),
-            table.base.shape[1],
-            table.patch.shape[1],
+            fineness * table.base.shape[1],
+            fineness * table.patch.shape[1],
             table.half_width,
         )
         c, d = np.cos(np.radians(phi_i_deg)), np.sin(np.radians(phi_i_deg))

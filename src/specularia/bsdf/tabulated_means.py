@@ -59,7 +59,7 @@ class TabulatedMeans:
     def at(self, theta_deg: float, phi_deg: float = 0.0) -> NDArray[np.float64]:
         """[n, n] means in 1/sr for one incident direction, index [a, b] of the square.
 
-        The cells of a side by reciprocity add up to its light within 0.2 %: see `light`.
+        The cells of a side by reciprocity add up to its light within 0.2 %.
         """
         s = float(np.sin(np.radians(theta_deg)))
         n = self.n
@@ -82,13 +82,6 @@ class TabulatedMeans:
             tau = float(self.model.direct_hemispherical(self.side, theta_deg, phi_deg))
             out *= tau / total if total > 0 else 1.0
         return out.reshape(n, n)
-
-    def light(self, theta_deg: float) -> float:
-        """Direct-hemispherical value at one incident angle."""
-        if not self.reciprocal:
-            return float(self.model.direct_hemispherical(self.side, theta_deg))
-        q = self.model.quadrature(self.side, theta_deg)
-        return float(np.sum(q.weight * self._value(float(np.sin(np.radians(theta_deg))), q.ux, q.uy)))
 
     def _cell_by_cell(self, v: Array) -> Array:
         """[n n, points] from a grid over the whole square."""

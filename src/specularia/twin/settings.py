@@ -27,13 +27,33 @@ Share = Annotated[float, Field(ge=0, le=1)]
 Span = tuple[Positive, Positive]
 
 
+def _coprime(pixels: int) -> int:
+    """The next odd product of 3, 5 and 7 above 1.02 pixels: without a factor of a power of two, fast to transform.
+
+    >>> _coprime(512)
+    525
+    """
+    products = (3**a * 5**b * 7**c for a in range(8) for b in range(6) for c in range(5))
+    return min(p for p in products if p > 1.02 * pixels)
+
+
 class MapSettings(Job):
     """`[maps]`: the grid of both height maps, one period each way."""
 
     pixels: Annotated[int, Field(ge=32, le=4096)] = 512
-    """Pixels along x and along y; a power of two."""
+    """Pixels of the front along x and along y; a power of two."""
+    back_pixels: Annotated[int, Field(ge=32, le=5120)] | None = None
+    """The same of the back; left out, the next odd product of 3, 5 and 7 above 1.02 `pixels`. Periods that share
+    no factor let every place of one face meet every place of the other, as in a pane that does not repeat;
+    with the same period a place meets its few partners only, and the distribution is grainy."""
     pitch_um: Positive = 1.5
     """Distance between pixels."""
+
+    def of(self, face: str) -> MapSettings:
+        """The grid of one face, "front" or "back", as its `pixels`."""
+        if face == "front":
+            return self
+        return self.model_copy(update={"pixels": self.back_pixels or _coprime(self.pixels)})
 
     @model_validator(mode="after")
     def _power_of_two(self) -> MapSettings:
@@ -147,7 +167,7 @@ class GonioSettings(Job):
     """Scan directions within 15 degrees of the undeflected one (fewer where the horizon cuts the cap)."""
     peak: Annotated[int, Field(ge=0)] = 25_000
     """Scan directions within 5 degrees of the undeflected one."""
-    aperture_deg: Annotated[float, Field(ge=0.3, le=10)] = 0.6
+    aperture_deg: Annotated[float, Field(ge=0.3, le=10)] = 0.3
     """Full width at half maximum of the instrument's angular response."""
     relative_noise: Annotated[float, Field(ge=0, le=0.2)] = 0.01
     """Standard deviation of a reading over the reading."""
