@@ -93,7 +93,9 @@ def make(
     parts = {name: make_folder(base / name) for name in ("truth", "microscope", "gonio", "site", "room")}
     rng = {name: np.random.default_rng([seed, k]) for k, name in enumerate(_STREAMS)}
     with task("making the specimen", 3 + 2 * len(settings.gonio.theta_deg)) as progress:
-        faces = {name: make_face(getattr(settings, name), settings.maps.of(name), rng[name]) for name in _FACES}
+        faces = {
+            name: make_face(getattr(settings, name), settings.maps.of(name), rng[name]) for name in _FACES
+        }
         heights, pits = _write_faces(faces, settings, parts["truth"], seed)
         progress.advance()
         seen = _microscope(faces, settings, parts["microscope"], rng)

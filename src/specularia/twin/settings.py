@@ -28,7 +28,7 @@ Span = tuple[Positive, Positive]
 
 
 def _coprime(pixels: int) -> int:
-    """The next odd product of 3, 5 and 7 above 1.02 pixels: without a factor of a power of two, fast to transform.
+    """The next odd product of 3, 5 and 7 above 1.02 pixels: no factor of a power of two, fast to transform.
 
     >>> _coprime(512)
     525
@@ -43,9 +43,9 @@ class MapSettings(Job):
     pixels: Annotated[int, Field(ge=32, le=4096)] = 512
     """Pixels of the front along x and along y; a power of two."""
     back_pixels: Annotated[int, Field(ge=32, le=5120)] | None = None
-    """The same of the back; left out, the next odd product of 3, 5 and 7 above 1.02 `pixels`. Periods that share
-    no factor let every place of one face meet every place of the other, as in a pane that does not repeat;
-    with the same period a place meets its few partners only, and the distribution is grainy."""
+    """The same of the back; left out, the next odd product of 3, 5 and 7 above 1.02 `pixels`. Periods that
+    share no factor let every place of one face meet every place of the other, as in a pane that does not
+    repeat; with the same period a place meets its few partners only, and the distribution is grainy."""
     pitch_um: Positive = 1.5
     """Distance between pixels."""
 
