@@ -29,6 +29,7 @@ __all__ = [
     "fit",
     "learnt",
     "noise_of",
+    "significance",
     "width_of",
 ]
 
@@ -131,32 +132,17 @@ class Peaks:
         return np.clip(1.0 - 2.0 * hat + spread / np.where(taper > 0, taper, 1.0), 0.0, 1.0)
 
 
-def coarse(
-    brightness: NDArray[np.float32], width: float
-) -> tuple[NDArray[np.int64], NDArray[np.float32], Array]:
-    """Brightest slice of each pixel after smoothing along z by the width of the response.
+def coarse(brightness: NDArray[np.float32], width: float) -> NDArray[np.int64]:
+    """Brightest slice of each pixel, [N], after smoothing along z by the width of the response.
 
     Parameters
     ----------
     brightness : [slices, N].
     width : standard deviation of the response in slices.
-
-    Returns
-    -------
-    peak : [N] index of the brightest slice.
-    smooth : [slices, N] the smoothed brightness.
-    second : [N] largest smoothed brightness farther than `REACH` FWHM from the peak; the smallest of the
-        profile where nothing lies that far.
     """
     from scipy.ndimage import gaussian_filter1d
 
-    smooth = gaussian_filter1d(brightness, width, axis=0, mode="nearest", truncate=2.5)
-    peak = np.argmax(smooth, axis=0)
-    reach = int(np.ceil(REACH * FWHM_PER_SIGMA * width))
-    near = np.abs(np.arange(brightness.shape[0])[:, None] - peak) <= reach
-    second = np.where(near, -np.inf, smooth).max(axis=0)
-    second = np.where(np.isfinite(second), second, smooth.min(axis=0))
-    return peak, smooth, second.astype(np.float64)
+    return np.argmax(gaussian_filter1d(brightness, width, axis=0, mode="nearest", truncate=2.5), axis=0)
 
 
 def background(brightness: NDArray[np.float32]) -> Array:
@@ -166,21 +152,38 @@ def background(brightness: NDArray[np.float32]) -> Array:
 
 
 def width_of(brightness: NDArray[np.float32], base: Array) -> float:
-    """Standard deviation of the axial response in slices: the median over the brighter half of the pixels.
+    """Standard deviation of the axial response in slices, as a start for the fits.
 
-    Counted from the samples above half maximum next to the brightest one, which needs no model and no start.
+    The Gaussian of unit energy that answers most to the brighter half of the pixels: a matched filter keeps
+    the noise the same at every width, so that it finds a peak that no single sample shows.
+
+    Parameters
+    ----------
+    brightness : [slices, N].
+    base : [N] background.
     """
-    top = brightness.max(axis=0)
-    contrast = top - base
-    bright = contrast >= np.median(contrast)
-    part, half = brightness[:, bright], (base + 0.5 * contrast)[bright]
-    above = part >= half
-    peak = np.argmax(part, axis=0)
-    n = part.shape[0]
-    after = np.arange(n)[:, None] >= peak
-    up = np.where(after & ~above, np.arange(n)[:, None], n).min(axis=0)
-    down = np.where(~after & ~above, np.arange(n)[:, None], -1).max(axis=0)
-    return max(float(np.mean(up - down - 1)) / FWHM_PER_SIGMA, 0.4)
+    from scipy.ndimage import gaussian_filter1d
+
+    signal = brightness - base.astype(np.float32)
+    widest = max(brightness.shape[0] / 4.0, 1.0)
+    answers = {}
+    for width in np.geomspace(0.4, widest, max(3, int(np.ceil(np.log(widest / 0.4) / np.log(1.2))))):
+        smooth = gaussian_filter1d(signal, width, axis=0, mode="constant", truncate=3.0)
+        answers[float(width)] = float(np.quantile(smooth.max(axis=0), 0.75)) * np.sqrt(width)
+    return max(answers, key=lambda w: answers[w])
+
+
+def significance(brightness: NDArray[np.float32], base: Array, width: float, noise: Noise) -> Array:
+    """Answer of each pixel to the matched filter of this width, over its noise out of focus, [N].
+
+    Noise alone reaches some 3 to 4 in a stack of some hundred slices.
+    """
+    from scipy.ndimage import gaussian_filter1d
+
+    signal = brightness - base.astype(np.float32)
+    smooth = gaussian_filter1d(signal, width, axis=0, mode="constant", truncate=3.0).max(axis=0)
+    gain = np.sqrt(2.0 * np.sqrt(np.pi) * max(width, 0.4))
+    return smooth * gain / np.sqrt(noise.variance(base))
 
 
 def fit(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import mmap
 import re
 import tempfile
 import warnings
@@ -20,7 +21,7 @@ from specularia.errors import FormatError, SpeculariaWarning
 from specularia.files import existing
 from specularia.surface.origin import UNITS, unit_in
 
-__all__ = ["Stack", "read_stack"]
+__all__ = ["Stack", "read_stack", "release"]
 
 _PICTURES = (".tif", ".tiff", ".png", ".jpg", ".jpeg", ".bmp")
 
@@ -65,6 +66,23 @@ class Stack:
         if part.ndim == 4:
             return part.mean(axis=3, dtype=np.float32)
         return part.astype(np.float32)
+
+    def frame(self, k: int) -> NDArray[np.float32]:
+        """Brightness of slice k, [row, column]; colours are averaged."""
+        frame = np.asarray(self.frames[k])
+        return frame.mean(axis=2, dtype=np.float32) if frame.ndim == 3 else frame.astype(np.float32)
+
+    def release(self) -> None:
+        """Give back the memory of frames that lie on disk; they are read again when they are asked for."""
+        release(self.frames)
+
+
+def release(frames: NDArray[Any]) -> None:
+    """Give back the memory of an array that is mapped from a file; its numbers stay in the file."""
+    mapped = getattr(frames, "_mmap", None)
+    # Changes to a private copy would be lost.
+    if isinstance(mapped, mmap.mmap) and getattr(frames, "mode", "c") != "c" and hasattr(mapped, "madvise"):
+        mapped.madvise(mmap.MADV_DONTNEED)
 
 
 def read_stack(
