@@ -25,7 +25,7 @@ _LEAST_SNR = 5.0
 _LEAST_SIGNIFICANCE = 6.0
 """Of a peak to the matched filter: noise alone reaches 3 to 4."""
 
-RIVAL = 0.3
+RIVAL = 0.25
 """A second peak of at least this share of the first means that two surfaces answer in one pixel."""
 
 _RIVAL_SIGNIFICANCE = 5.0

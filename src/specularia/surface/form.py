@@ -96,9 +96,7 @@ def polynomial(
         size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
         scaled = normal / np.outer(size, size)
         if np.linalg.cond(scaled) > 1e12:
-            raise PhysicsError(
-                f"{surface.name or 'height map'}: no polynomial of degree {order} fits alone."
-            )
+            raise PhysicsError(f"{surface.name or 'height map'}: no polynomial of degree {order} fits alone.")
         return np.asarray(np.linalg.solve(scaled, right / size) / size)
 
     def at(coefficients: Array, wanted: Sequence[tuple[int, int]]) -> Array:

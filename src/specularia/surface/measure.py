@@ -71,8 +71,8 @@ def heights(
         * saturated: a sample at full scale (photographs: in its sharpest frame);
         * dark: the peak is lost in the noise, or (photographs) there is no detail to judge by;
         * edge: nearer than half a FWHM to the first or last slice (photographs: sharpest there);
-        * double: a second peak of at least 0.3 (photographs: 0.7) of its height, or one so broad that it must
-          hold two, or the fit left the place where it started.
+        * double: a second peak of at least 0.25 (photographs: 0.7) of its height, or one so broad that it
+          must hold two, or the fit left the place where it started.
 
         Pixels that are flagged as steep keep their height. Counts stand in the attribute `missing_because` as
         JSON, each pixel under the first of its faults, and all flags in `flagged`.
@@ -164,7 +164,7 @@ def heights(
 
 def all_in_focus(
     stack: Stack | str | Path, *, window_px: float = 3.0, register: bool = True
-) -> NDArray[np.float32]:
+) -> tuple[NDArray[np.float32], str]:
     """One picture in focus everywhere from photographs through focus, with the colours of the frames.
 
     Parameters
@@ -175,13 +175,15 @@ def all_in_focus(
 
     Returns
     -------
-    array : [row, column] or [row, column, colour], brightness as in the frames, laid over the middle one. Row
+    picture : [row, column] or [row, column, colour], brightness as in the frames, laid over the middle one. Row
         0 is that of the frames.
+    kind : type of number of the frames, such as "uint8".
     """
     _wanted("contrast", (), None, window_px)
     if not isinstance(stack, Stack):
         stack = read_stack(stack, pitch_um=1.0, step_um=1.0, first_row="bottom")
-    return contrast.picture(contrast.measure(stack, window=window_px, register=register))
+    made = contrast.picture(contrast.measure(stack, window=window_px, register=register))
+    return made, str(stack.frames.dtype)
 
 
 def _wanted(kind: str, remove: Sequence[str], max_slope_deg: float | None, window_px: float) -> None:
