@@ -58,8 +58,7 @@ Levelling = Annotated[
     typer.Option(
         "--level",
         metavar="METHOD",
-        help="Form to take off first: none, plane, polynomial or robust; polynomial:N and robust:N for degree
-        N.",
+        help="Form to take off first: none, plane, polynomial[:DEGREE] or robust[:DEGREE].",
     ),
 ]
 

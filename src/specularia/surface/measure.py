@@ -175,8 +175,8 @@ def all_in_focus(
 
     Returns
     -------
-    picture : [row, column] or [row, column, colour], brightness as in the frames, laid over the middle one. Row
-        0 is that of the frames.
+    picture : [row, column] or [row, column, colour], brightness as in the frames, laid over the middle one.
+        Row 0 is that of the frames.
     kind : type of number of the frames, such as "uint8".
     """
     _wanted("contrast", (), None, window_px)

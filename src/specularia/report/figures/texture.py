@@ -173,7 +173,7 @@ def _inverse(value: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def directions(surface: HeightMap, texture: Texture, path: str | Path, *, synthetic: bool = False) -> Path:
-    """Draw the autocorrelation, with the contour that Sal and Str are read at, and the spectrum over direction.
+    """Draw the autocorrelation, with the contour that Sal and Str are read at, and the directions.
 
     Parameters
     ----------
