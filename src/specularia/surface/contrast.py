@@ -34,6 +34,9 @@ RIVAL = 0.7
 _LEAST_RATIO = 3.0
 """A place whose sharpness hardly rises in focus has no detail to be judged by: peak over background."""
 
+_SHAPE = 0.05
+"""Error in slices that the shape of the curve of sharpness, which is not quite a Gaussian, leaves in a height."""
+
 _SCATTER_WINDOW = 3.0
 """Neighbourhood that the uncertainty of a height is judged in, in widths of the window of sharpness."""
 
@@ -98,7 +101,7 @@ def measure(stack: Stack, *, window: float = 3.0, register: bool = True) -> Focu
         if max(abs(place.a), abs(place.b)) > 0.3 or max(abs(place.dx) / columns, abs(place.dy) / rows) > 0.3:
             raise PhysicsError(
                 f"{stack.name}: frame {k + 1} does not lie over the middle one (shift {place.dx:.0f}, "
-                f"{place.dy:.0f} pixels, magnification {1 + place.a:.3f}). Do all frames show the same thing?"
+                f"{place.dy:.0f} pixels, magnification {1 + place.a:.3f}). Is this a focus stack, and do all frames show the same?"
             )
     colours = stack.frames.shape[3:]
     frames = _on_disk((slices, rows, columns, *colours))
@@ -182,7 +185,7 @@ def scatter(place: Array, window: float) -> Array:
     weight = gaussian_filter(known.astype(np.float64), width)
     smooth = gaussian_filter(np.where(known, place, 0.0), width) / np.maximum(weight, 1e-9)
     square = gaussian_filter(np.where(known, (place - smooth) ** 2, 0.0), width) / np.maximum(weight, 1e-9)
-    return np.where(known, np.sqrt(np.maximum(square, 1e-12)), np.nan)
+    return np.where(known, np.sqrt(np.maximum(square, 0.0) + _SHAPE**2), np.nan)
 
 
 def picture(focused: Focused) -> NDArray[np.float32]:

@@ -195,6 +195,7 @@ def _folder(path: Path) -> NDArray[Any]:
         raise FormatError(
             file=path, expected=f"pictures ({', '.join(_PICTURES)})", found="none in this folder"
         )
+    files = _series(path, files)
     frames: NDArray[Any] | None = None
     for k, file in enumerate(files):
         try:
@@ -215,6 +216,31 @@ def _folder(path: Path) -> NDArray[Any]:
         frames[k] = picture
     assert frames is not None
     return frames
+
+
+def _series(folder: Path, files: list[Path]) -> list[Path]:
+    """The pictures whose names differ by their numbers alone, where others lie beside them."""
+    groups: dict[str, list[Path]] = {}
+    for file in files:
+        groups.setdefault(re.sub(r"\d+", "#", file.name), []).append(file)
+    largest = max(groups.values(), key=len)
+    if len(groups) == 1 or len(largest) < 5:
+        return files
+    others = [f.name for group in groups.values() if group is not largest for f in group]
+    if len(others) >= len(largest):
+        raise FormatError(
+            file=folder,
+            expected="the pictures of one stack",
+            found=f"several series: {', '.join(sorted(groups))}",
+            advice="Put each into a folder of its own.",
+        )
+    warnings.warn(
+        f"{folder.name}: {', '.join(others[:3])}{' and others' if len(others) > 3 else ''} left out: not of "
+        f"the series from {largest[0].name} to {largest[-1].name}.",
+        SpeculariaWarning,
+        stacklevel=4,
+    )
+    return largest
 
 
 @contextmanager

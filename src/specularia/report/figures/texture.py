@@ -101,7 +101,7 @@ def slope_angles(texture: Texture, path: str | Path, *, synthetic: bool = False)
     synthetic : True labels the figure.
     """
     s = texture.slope
-    with style.canvas(6.2, 2.9) as figure:
+    with style.canvas(6.2, 3.2) as figure:
         grid = figure.add_gridspec(1, 2, width_ratios=(1.55, 1))
         axes = figure.add_subplot(grid[0])
         axes.stairs(s.share_per_deg, s.angle_deg, fill=True, color="#9bb8c9")
@@ -112,7 +112,7 @@ def slope_angles(texture: Texture, path: str | Path, *, synthetic: bool = False)
             (s.p99_deg, "99 %", 0.77),
         ):
             axes.axvline(value, color=_SECOND, linewidth=0.8)
-            axes.text(value, height * top, f" {name} {value:.3g}°", fontsize=6.8, color=_SECOND)
+            axes.text(value, height * top, f" {name} {value:.3g}°", fontsize=6.8, color=_SECOND, backgroundcolor=(1, 1, 1, 0.85))
         axes.set(xlabel="angle to the mean plane (°)", ylabel="share per degree", ylim=(0, top))
         axes.set_xlim(0, min(float(s.angle_deg[-1]), max(1.6 * s.p99_deg, 1e-6)))
         axes.set_title(f"{style.letter(0)}  slopes, Sdq {texture.Sdq:.3g}")
@@ -129,7 +129,7 @@ def slope_angles(texture: Texture, path: str | Path, *, synthetic: bool = False)
         )
         polar.set_yticklabels([])
         polar.tick_params(labelsize=6.5, pad=0)
-        polar.set_title(f"{style.letter(1)}  direction of ascent")
+        polar.set_title(f"{style.letter(1)}  direction of ascent", pad=12)
         polar.set_xlabel("weighted by slope²", fontsize=7)
         numbers = {k: getattr(s, k) for k in ("angle_deg", "share_per_deg", "azimuth_deg", "azimuth_share")}
         style.write_npz(Path(path).with_suffix(".npz"), numbers)
@@ -199,7 +199,7 @@ def directions(surface: HeightMap, texture: Texture, path: str | Path, *, synthe
     part = acf[middle[0] - rows : middle[0] + rows + 1, middle[1] - columns : middle[1] + columns + 1]
     x = np.arange(-columns, columns + 1) * surface.pitch_x_um
     y = np.arange(-rows, rows + 1) * surface.pitch_y_um
-    with style.canvas(6.2, 3.1) as figure:
+    with style.canvas(6.2, 3.45) as figure:
         grid = figure.add_gridspec(1, 2, width_ratios=(1.25, 1))
         axes = figure.add_subplot(grid[0])
         limit = max(float(np.abs(part).max()), 1e-12)
@@ -224,7 +224,7 @@ def directions(surface: HeightMap, texture: Texture, path: str | Path, *, synthe
         polar.set_yticklabels([])
         polar.tick_params(labelsize=6.5, pad=0)
         less = "< " if s.bounded else ""
-        polar.set_title(f"{style.letter(1)}  spectrum over direction")
+        polar.set_title(f"{style.letter(1)}  spectrum over direction", pad=12)
         polar.set_xlabel(f"Sal {s.Sal_um:.3g} µm, Str {less}{s.Str:.2f}, lay {s.Std_deg:.0f}°", fontsize=7)
         numbers = {"autocorrelation": part.astype(np.float32), "lag_x_um": x, "lag_y_um": y}
         more = {"angle_deg": s.angle_deg, "distance_um": s.distance_um, "angular": s.angular}
