@@ -21,6 +21,9 @@ __all__ = ["Pilot", "learn", "rows_of"]
 Array = NDArray[np.float64]
 
 _PILOT_PIXELS = 8192
+_PILOT_BYTES = 8 << 20
+"""Of brightness, as 32-bit floats, that the sample holds at most, but for one row."""
+
 _LEAST_SNR = 5.0
 _LEAST_SIGNIFICANCE = 6.0
 """Of a peak to the matched filter: noise alone reaches 3 to 4."""
@@ -69,7 +72,8 @@ class Pilot:
 def learn(stack: Stack) -> Pilot:
     """Width of the response, noise and full scale, from rows spread evenly over the picture."""
     rows, columns = stack.shape
-    wanted = int(np.clip(np.ceil(_PILOT_PIXELS / columns), 1, rows))
+    pixels = min(_PILOT_PIXELS, _PILOT_BYTES // (4 * stack.slices))
+    wanted = int(np.clip(np.ceil(pixels / columns), 1, rows))
     chosen = np.unique(np.linspace(0, rows - 1, wanted).round().astype(int))
     part = np.concatenate([stack.rows(int(r), int(r) + 1)[:, 0] for r in chosen], axis=1)
     stack.release()

@@ -32,10 +32,10 @@ RIVAL = 0.7
 """A second peak of sharpness of at least this share of the first leaves the height open."""
 
 _LEAST_RATIO = 3.0
-"""A place whose sharpness hardly rises in focus has no detail to be judged by: peak over background."""
+"""Peak of sharpness over its background below which a place has no detail to be judged by."""
 
 _SHAPE = 0.05
-"""Error in slices that the shape of the curve of sharpness, which is not quite a Gaussian, leaves in a height."""
+"""Error of a height in slices, since the curve of sharpness is not quite a Gaussian."""
 
 _SCATTER_WINDOW = 3.0
 """Neighbourhood that the uncertainty of a height is judged in, in widths of the window of sharpness."""
@@ -83,9 +83,7 @@ def measure(stack: Stack, *, window: float = 3.0, register: bool = True) -> Focu
     """
     slices, (rows, columns) = stack.slices, stack.shape
     if min(rows, columns) < 64:
-        raise PhysicsError(
-            f"{stack.name}: photographs of at least 64 x 64 pixels are needed, not {rows} x {columns}."
-        )
+        raise PhysicsError(f"{stack.name}: photographs need at least 64 x 64 pixels, not {rows} x {columns}.")
     places = [Similarity()] * slices
     with progress.task(f"frames of {stack.name} laid over each other", slices) as bar:
         if register:
@@ -101,7 +99,8 @@ def measure(stack: Stack, *, window: float = 3.0, register: bool = True) -> Focu
         if max(abs(place.a), abs(place.b)) > 0.3 or max(abs(place.dx) / columns, abs(place.dy) / rows) > 0.3:
             raise PhysicsError(
                 f"{stack.name}: frame {k + 1} does not lie over the middle one (shift {place.dx:.0f}, "
-                f"{place.dy:.0f} pixels, magnification {1 + place.a:.3f}). Is this a focus stack, and do all frames show the same?"
+                f"{place.dy:.0f} pixels, magnification {1 + place.a:.3f}). "
+                "Is this a focus stack, and do all frames show the same?"
             )
     colours = stack.frames.shape[3:]
     frames = _on_disk((slices, rows, columns, *colours))
@@ -113,13 +112,15 @@ def measure(stack: Stack, *, window: float = 3.0, register: bool = True) -> Focu
         for k, place in enumerate(places):
             raw = np.asarray(stack.frames[k], np.float32)
             still = place == Similarity()
-            if colours:
-                for c in range(colours[0]):
-                    frames[k, ..., c] = raw[..., c] if still else warped(raw[..., c], place)
-                grey = np.asarray(frames[k]).mean(axis=2)
-            else:
-                frames[k] = grey = raw if still else warped(raw, place)
-            sharp[k] = sharpness(grey, window)
+            grey = raw.mean(axis=2) if colours else raw
+            # Judged before the frame is moved: interpolation would blur it.
+            # A frame that shows the scene m times as large shows second derivatives m^-2 times as large.
+            judged = sharpness(grey, window) * np.float32((1.0 + place.a) ** 4)
+            sharp[k] = judged if still else warped(judged, place, order=1)
+            if not colours:
+                frames[k] = raw if still else warped(raw, place)
+            for c in range(colours[0] if colours else 0):
+                frames[k, ..., c] = raw[..., c] if still else warped(raw[..., c], place)
             # The noise of the camera is what is left where nothing is sharp.
             noise.append(float(np.quantile(sharp[k][::4, ::4], 0.05)))
             release(frames)
@@ -204,7 +205,8 @@ def picture(focused: Focused) -> NDArray[np.float32]:
 
 def _blend(frames: NDArray[np.float32], sharp: NDArray[np.float32]) -> NDArray[np.float32]:
     # The fourth power lets the sharpest frame stand nearly alone where one is, and averages where none is.
-    weight = (sharp / np.maximum(sharp.max(axis=0), 1e-30)) ** 4
+    top = sharp.max(axis=0)
+    weight = np.where(top > 0, sharp / np.where(top > 0, top, 1.0), np.float32(1.0)) ** 4
     weight /= weight.sum(axis=0)
     if frames.ndim > sharp.ndim:
         weight = weight[..., None]

@@ -167,6 +167,7 @@ def _row_offsets(surface: HeightMap) -> Array:
     some = np.isfinite(steps).any(axis=1)
     jumps[some] = np.nanmedian(steps[some], axis=1)
     path = np.concatenate(([0.0], np.cumsum(jumps)))
-    # A straight line first: a smoother bends it at the borders.
-    line = np.polynomial.Polynomial.fit(np.arange(path.size), path, 1)(np.arange(path.size))
-    return np.asarray(path - line - gaussian_filter1d(path - line, 4.0, mode="reflect"))
+    # A cubic first: a smoother bends it at the borders.
+    row = np.arange(path.size)
+    rest = path - np.polynomial.Polynomial.fit(row, path, 3)(row)
+    return np.asarray(rest - gaussian_filter1d(rest, 4.0, mode="reflect"))

@@ -56,7 +56,8 @@ def heights(
     ----------
     stack : a stack, or the path of one (see `read_stack`).
     pitch_um, step_um, first_row : override or complete what the file says; only with a path.
-    kind : "confocal", "contrast" (photographs), or "auto": contrast where as many pixels are darkest in focus as are brightest.
+    kind : "confocal", "contrast" (photographs), or "auto": contrast where pixels are darkest in focus
+        about as often as brightest.
     remove : of "tilt", "bow" and "vibration"; see `specularia.surface.flattened`.
     max_slope_deg : slope from which a pixel is flagged as steep, such as the half aperture of the objective.
         Without it: where height changes by more than half the width of the response from pixel to pixel.
@@ -213,8 +214,8 @@ def _fill(unfinished: Rows, done: Callable[[int, int], Mapping[str, NDArray[Any]
 def _photographs(stack: Stack) -> bool:
     """Whether focus brings detail, not brightness.
 
-    A confocal pixel stands out above its lower quartile at its one peak. In photographs as many pixels are darker in
-    focus as are brighter.
+    A confocal pixel stands out above its lower quartile at its one peak. In photographs as many pixels are
+    darker in focus as are brighter.
     """
     rows, columns = stack.shape
     chosen = np.unique(np.linspace(0, rows - 1, min(rows, 64)).round().astype(int))

@@ -127,7 +127,10 @@ def read_stack(
     colours = frames.ndim == 4 and frames.shape[3] in (3, 4)
     if frames.ndim != 3 and not colours:
         raise FormatError(
-            file=path, expected="frames [slice, row, column]", found=f"an array of shape {frames.shape}"
+            file=path,
+            expected="frames [slice, row, column] of one channel and one time",
+            found=f"an array of shape {frames.shape}",
+            advice="Export each channel or time as a stack of its own." if frames.ndim > 3 else "",
         )
     if colours:
         frames = frames[..., :3]

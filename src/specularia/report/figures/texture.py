@@ -112,7 +112,14 @@ def slope_angles(texture: Texture, path: str | Path, *, synthetic: bool = False)
             (s.p99_deg, "99 %", 0.77),
         ):
             axes.axvline(value, color=_SECOND, linewidth=0.8)
-            axes.text(value, height * top, f" {name} {value:.3g}°", fontsize=6.8, color=_SECOND, backgroundcolor=(1, 1, 1, 0.85))
+            axes.text(
+                value,
+                height * top,
+                f" {name} {value:.3g}°",
+                fontsize=6.8,
+                color=_SECOND,
+                backgroundcolor=(1, 1, 1, 0.85),
+            )
         axes.set(xlabel="angle to the mean plane (°)", ylabel="share per degree", ylim=(0, top))
         axes.set_xlim(0, min(float(s.angle_deg[-1]), max(1.6 * s.p99_deg, 1e-6)))
         axes.set_title(f"{style.letter(0)}  slopes, Sdq {texture.Sdq:.3g}")
