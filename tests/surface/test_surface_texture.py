@@ -34,9 +34,9 @@ def test_a_sinusoid_has_its_closed_forms():
     x = np.linspace(0, 2 * np.pi, 20001)
     area = np.mean(np.sqrt(1 + (2 * np.pi * a / wavelength * np.sin(x[:-1])) ** 2)) - 1
     assert t.Sdr == pytest.approx(area, rel=1e-3)
-    # Its autocorrelation is a cosine: 0.2 at arccos(0.2) / 2 pi of a wave; along the lay it never falls.
-    assert t.spacing.Sal_um == pytest.approx(np.arccos(0.2) / (2 * np.pi) * wavelength, rel=0.01)
-    assert t.spacing.bounded and t.spacing.Str < 0.1
+    # Its autocorrelation is a cosine (over eight waves within 2 %); along the lay it never falls.
+    assert t.spacing.Sal_um == pytest.approx(np.arccos(0.2) / (2 * np.pi) * wavelength, rel=0.02)
+    assert t.spacing.bounded and t.spacing.Str < 0.25
     assert t.spacing.Std_deg == pytest.approx(90.0, abs=1.0)
     assert surface.texture(sinusoid(turn=True)).spacing.Std_deg in (0.0, 1.0, 179.0)
 
@@ -155,23 +155,10 @@ def test_the_command_writes_parameters_and_figures_each_with_its_numbers(tmp_pat
     words = ("surface", "texture", tmp_path / "m.npy", "--pitch", "2")
     code, out, _ = command(*words, "-o", tmp_path / "out", "--level", "robust:2", "--json")
     assert code == 0 and out["levelling"] == "robust:2"
-    for key in [
-        "Sa_um",
-        "Sq_um",
-        "Ssk",
-        "Sku",
-        "Sp_um",
-        "Sv_um",
-        "Sz_um",
-        "Sdq",
-        "Sdr",
-        "Sal_um",
-        "Str",
-        "Std_deg",
-        "Sk_um",
-        "Vvv_um",
-        "slope_p90_deg",
-    ]:
+    names = (
+        "Sa_um Sq_um Ssk Sku Sp_um Sv_um Sz_um Sdq Sdr Sal_um Str Std_deg Sk_um Spk_um Vvv_um slope_p90_deg"
+    )
+    for key in names.split(" "):
         assert isinstance(out[key], float), key
     stored = json.loads((tmp_path / "out" / "parameters.json").read_text())
     assert stored["Sq_um"] == out["Sq_um"] == pytest.approx(1.0, abs=0.05)

@@ -128,7 +128,7 @@ def _drawn(
     fine = min(6.0, max(1.0, 1.8 * scale * max(dx, dy)))
     # Steep flanks stretch: more points where there are many.
     slope = np.hypot(*np.gradient(np.where(np.isfinite(z), z, np.nanmedian(z)), dy, dx))
-    fine *= float(np.clip(np.quantile(np.sqrt(1.0 + slope**2), 0.95) / 1.3, 1.0, 1.8))
+    fine *= float(np.clip(np.quantile(np.sqrt(1.0 + slope**2), 0.98) / 1.3, 1.0, 2.2))
     known = np.isfinite(z)
     solid = np.where(known, z, np.nanmedian(z))
     there = zoom(known.astype(np.float32), fine, order=0, grid_mode=False) > 0.5
