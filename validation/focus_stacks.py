@@ -7,7 +7,7 @@ repository); without it their sections are left out. About four minutes; with --
 some ten more.
 
 Synthetic stacks have a known surface, whose steepest slope is 20 degrees where the step between slices is one
-pixel wide, and normal noise. "bound" is the Cramer-Rao bound of docs/theory/surfaces.md for a Gaussian response.
+pixel wide, and normal noise. "bound" is the Cramer-Rao bound for a Gaussian response.
 """
 
 from __future__ import annotations
@@ -175,8 +175,8 @@ def photographs(data: Path) -> list[str]:
     lines = [
         "## Photographs through focus",
         "",
-        f"{frames.shape[0]} photographs of {frames.shape[2]} x {frames.shape[1]} pixels and a picture in focus that",
-        "another program made of them: correlation over all pixels and colours.",
+        f"{frames.shape[0]} photographs of {frames.shape[2]} x {frames.shape[1]} pixels and a picture in focus",
+        "that another program made of them: correlation over all pixels and colours.",
         "",
         "| frames laid over each other | window (pixels) | correlation |",
         "|---|---|---|",
@@ -292,7 +292,8 @@ def against_others(data: Path) -> list[str]:
         "take the",
         "difference of neighbours, whose slope counts in full the noise between them and belongs half a",
         "pixel aside;",
-        "ours is the seven-point formula of ISO 4287. On the smooth maps they agree.",
+        "ours is the seven-point formula of ISO 4287. On the smooth maps they agree. The bearing area of the",
+        "other library counts a surface bent between pixels, ours the pixels themselves.",
         "",
     ]
 

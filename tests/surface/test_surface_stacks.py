@@ -133,6 +133,28 @@ def test_tilt_bow_and_vibration_are_taken_off_each_on_request():
         surface.flattened(smooth, remove=["sparkle"])
 
 
+def test_slices_that_vibrated_are_put_in_their_places_and_steady_ones_stay():
+    h = 12.0 + relief(96, amplitude=4.0)
+    shake = 0.4 * np.sin(2 * np.pi * np.arange(26) / 5.3)
+    bound = focus.cramer_rao(snr=SNR, fwhm=FWHM)
+    for shaken, remove, least, most in (
+        (shake, (), 2.0, 9.0),
+        (shake, ("vibration",), 0.9, 1.25),
+        (0 * shake, ("vibration",), 0.9, 1.15),
+    ):
+        rng = np.random.default_rng(11)
+        z = (np.arange(26) + shaken)[:, None, None] - h
+        frames = 100.0 + 1000.0 * gauss(z) + 1000.0 / SNR * rng.standard_normal(z.shape)
+        pilot = confocal.learn(Stack(frames, (1.0, 1.0), 1.0), vibration=bool(remove))
+        place = confocal.rows_of(frames.reshape(26, -1).astype(np.float32), pilot)["place"]
+        # The stack leaves offset and step of the heights open.
+        known = np.isfinite(place)
+        assert known.mean() > 0.9
+        place, true = place[known], h.ravel()[known]
+        error = place - np.polyval(np.polyfit(true, place, 1), true)
+        assert least * bound < error.std() < most * bound
+
+
 def test_a_stack_is_flattened_on_the_way(tmp_path, command):
     h = 12.0 + relief(64) + 0.05 * np.arange(64)
     np.save(tmp_path / "s.npy", np.rint(20 * confocal_stack(h, 28)).clip(0, 60000).astype(np.uint16))

@@ -33,6 +33,11 @@ RIVAL = 0.25
 
 _RIVAL_SIGNIFICANCE = 5.0
 _BROAD = 1.2
+_STEADYING = 80
+_SEEN = 0.05
+"""Standard error of a slice's displacement, in slices, from which on it is not trusted."""
+
+_FARTHEST = 2.0
 _CLIPPED = 4
 """Samples at the highest value from which a pile-up there is taken for clipping."""
 
@@ -46,12 +51,14 @@ class Pilot:
     response, noise : shape of the axial response; variance against brightness.
     saturation : brightness at which the camera clips, infinite where nothing shows it.
     scatter : what the width of good peaks varies by, beside the noise of the fits, in slices.
+    displaced : [slices] how far each slice lies above its even place, in slices; None where not asked for.
     """
 
     response: focus.Response
     noise: focus.Noise
     saturation: float
     scatter: float
+    displaced: Array | None = None
 
     @property
     def fwhm(self) -> float:
@@ -60,7 +67,13 @@ class Pilot:
 
     def parameters(self, step_um: float) -> dict[str, Any]:
         """For provenance."""
+        shaken = (
+            {}
+            if self.displaced is None
+            else {"vibration_rms_um": float(np.std(self.displaced)) * abs(step_um)}
+        )
         return {
+            **shaken,
             "estimator": "tapered fit of the learnt response",
             "response_fwhm_um": self.fwhm * abs(step_um),
             "noise_floor": self.noise.floor,
@@ -69,8 +82,14 @@ class Pilot:
         }
 
 
-def learn(stack: Stack) -> Pilot:
-    """Width of the response, noise and full scale, from rows spread evenly over the picture."""
+def learn(stack: Stack, *, vibration: bool = False) -> Pilot:
+    """Width of the response, noise and full scale, from rows spread evenly over the picture.
+
+    Parameters
+    ----------
+    stack : confocal brightness.
+    vibration : True looks for slices that do not lie at their even places.
+    """
     rows, columns = stack.shape
     pixels = min(_PILOT_PIXELS, _PILOT_BYTES // (4 * stack.slices))
     wanted = int(np.clip(np.ceil(pixels / columns), 1, rows))
@@ -109,6 +128,20 @@ def learn(stack: Stack) -> Pilot:
         peaks = focus.fit(part, peak=peak, base=base, response=response, noise=noise)
         response = focus.learnt(response, peaks)
         noise = focus.noise_of(peaks, deviation, level, floor=max(floor, 1e-30))
+    displaced = None
+    if vibration:
+        displaced = np.zeros(stack.slices)
+        for _ in range(_STEADYING):
+            peaks = focus.fit(part, peak=peak, base=base, response=response, noise=noise, displaced=displaced)
+            more, error = focus.displacements(peaks, stack.slices)
+            # A slice that hardly a pixel sees stays where it is.
+            before, seen = displaced, error < _SEEN
+            displaced = _without_line(displaced + np.where(seen, more, 0.0), seen)
+            displaced = np.clip(displaced, -_FARTHEST, _FARTHEST)
+            response = focus.learnt(response, peaks)
+            noise = focus.noise_of(peaks, deviation, level, floor=max(floor, 1e-30))
+            if np.abs(displaced - before).max() < 5e-4:
+                break
     if response.fwhm < 2.0:
         warnings.warn(
             f"{stack.name}: the axial response is {response.fwhm:.1f} slices wide; below 2 the heights are "
@@ -118,7 +151,16 @@ def learn(stack: Stack) -> Pilot:
         )
     spread = 1.4826 * float(np.median(np.abs(peaks.width - np.median(peaks.width))))
     chance = float(np.median(np.maximum(peaks.covariance[2][2], 0.0)))
-    return Pilot(response, noise, saturation, float(np.sqrt(max(spread**2 - chance, 0.0))))
+    return Pilot(response, noise, saturation, float(np.sqrt(max(spread**2 - chance, 0.0))), displaced)
+
+
+def _without_line(displaced: Array, known: NDArray[np.bool_]) -> Array:
+    """Displacements without their mean and slope, which no stack can tell from height and step."""
+    if np.count_nonzero(known) < 3:
+        return np.zeros_like(displaced)
+    k = np.arange(displaced.size)
+    line = np.polynomial.Polynomial.fit(k[known], displaced[known], 1)
+    return np.where(known, displaced - line(k), 0.0)
 
 
 def _full_scale(stack: Stack) -> float:
@@ -163,7 +205,7 @@ def rows_of(part: NDArray[np.float32], pilot: Pilot) -> Mapping[str, NDArray[Any
     response, noise = pilot.response, pilot.noise
     base = focus.background(part)
     peak = focus.coarse(part, response.width)
-    peaks = focus.fit(part, peak=peak, base=base, response=response, noise=noise)
+    peaks = focus.fit(part, peak=peak, base=base, response=response, noise=noise, displaced=pilot.displaced)
     fwhm = pilot.fwhm
     top = base + peaks.height
     snr = peaks.height / np.sqrt(noise.variance(top))

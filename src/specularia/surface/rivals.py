@@ -44,13 +44,11 @@ def second_peak(
 
     slices, width = brightness.shape[0], response.width
     # A peak broader than the typical one is taken away as broad as it is: what is left is not part of it.
-    z = np.rint(peaks.u * peaks.width + peaks.place)
-    shape, _ = response.at((z - peaks.place) / np.clip(peaks.width, 0.8 * width, 1.2 * width))
+    shape, _ = response.at(peaks.u * peaks.width / np.clip(peaks.width, 0.8 * width, 1.2 * width))
     rest = np.zeros((slices + 1, brightness.shape[1]), np.float32)
     np.subtract(brightness, base.astype(np.float32), out=rest[:slices])
-    index = np.where((z >= 0) & (z < slices), z, slices).astype(
-        np.int64
-    )  # the row added takes what is outside
+    # The row that was added takes what is outside.
+    index = np.where((peaks.index >= 0) & (peaks.index < slices), peaks.index, slices)
     without = np.take_along_axis(rest, index, axis=0) - (peaks.height * shape).astype(np.float32)
     np.put_along_axis(rest, index, without, axis=0)
     rest = rest[:slices]

@@ -217,6 +217,7 @@ def _folder(path: Path) -> NDArray[Any]:
                 found=f"{picture.shape} {picture.dtype}",
             )
         frames[k] = picture
+        release(frames)
     assert frames is not None
     return frames
 
