@@ -28,7 +28,7 @@ class Spacing:
     Parameters
     ----------
     Sal_um : shortest distance at which the autocorrelation falls to 0.2.
-    Str : Sal over the longest such distance, 0 (one direction) to 1 (isotropic).
+    Str : Sal over the longest such distance, 0 (one direction) to 1 (all alike).
     bounded : True where the autocorrelation does not fall that far within half of the field in some
         direction: Str is then an upper bound.
     Std_deg : direction of the lay, counter-clockwise from x, 0..180: across the direction in which the
