@@ -159,7 +159,11 @@ def test_a_stack_is_flattened_on_the_way(tmp_path, command):
     h = 12.0 + relief(64) + 0.05 * np.arange(64)
     np.save(tmp_path / "s.npy", np.rint(20 * confocal_stack(h, 28)).clip(0, 60000).astype(np.uint16))
     words = ("surface", "heights", tmp_path / "s.npy", "--pitch", "1", "--step", "1", "--json")
-    code, out, _ = command(*words, "-o", tmp_path / "m.nc", "--remove", "tilt,bow")
+    picture = tmp_path / "p.png"
+    code, out, _ = command(*words, "-o", tmp_path / "m.nc", "--remove", "tilt,bow", "--picture", picture)
+    shown = np.asarray(iio.imread(picture))
+    assert shown.dtype == np.uint16
+    assert np.allclose(shown[::-1], surface.read(tmp_path / "m.nc").image, atol=0.51)
     assert (
         code == 0 and "tilt" in out["removed"] and "bow" in out["removed"] and out["flagged"]["double"] == 0
     )

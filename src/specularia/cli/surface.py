@@ -25,6 +25,13 @@ Output = Annotated[
     Path,
     typer.Option("-o", "--output", metavar="MAP.nc", callback=_netcdf, help="The height map to write."),
 ]
+
+
+def _is_picture(path: Path) -> None:
+    if path.suffix.lower() not in (".png", ".tif", ".tiff", ".jpg", ".jpeg"):
+        raise typer.BadParameter(f"{path} must end in .png, .tif or .jpg")
+
+
 Unit = Annotated[str | None, typer.Option("--unit", help="Unit of a file that names none: m, mm, um or nm.")]
 Pitch = Annotated[float | None, typer.Option("--pitch", help="Pixel size in um, for a file that holds none.")]
 
@@ -186,6 +193,12 @@ def heights(
         float | None, typer.Option("--max-slope", help="Degrees from which a pixel is flagged as steep.")
     ] = None,
     window: Window = 3.0,
+    image: Annotated[
+        Path | None,
+        typer.Option(
+            "--picture", metavar="FILE", help="Also write the picture in focus, its top the highest y."
+        ),
+    ] = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -197,6 +210,7 @@ def heights(
 
     from specularia import surface
     from specularia.files import writable
+    from specularia.report.texture import write_picture
 
     if first_row not in (None, "bottom", "top"):
         raise typer.BadParameter("is 'bottom' or 'top'", param_hint="--first-row")
@@ -205,12 +219,18 @@ def heights(
     wanted = [word.strip() for word in remove.split(",") if word.strip()]
     if not set(wanted) <= {"tilt", "bow", "vibration"}:
         raise typer.BadParameter(f"{remove!r} is not a list of tilt, bow, vibration", param_hint="--remove")
+    if image is not None:
+        _is_picture(image)
     with session(quiet=quiet):
         writable(output)
+        if image is not None:
+            writable(image)
         taken = surface.read_stack(stack, pitch_um=pitch, step_um=step, first_row=first_row)
         made = surface.heights(
             taken, kind=kind, remove=wanted, max_slope_deg=max_slope, window_px=window, output=output
         )
+        if image is not None and made.image is not None:
+            write_picture(made.image[::-1], image, str(taken.frames.dtype))
     x, y = taken.pitch_um
     payload = {
         "pitch_um": x if x == y else [x, y],
@@ -250,8 +270,7 @@ def picture(
     from specularia import surface
     from specularia.report.texture import write_picture
 
-    if output.suffix.lower() not in (".png", ".tif", ".tiff", ".jpg", ".jpeg"):
-        raise typer.BadParameter(f"{output} must end in .png, .tif or .jpg")
+    _is_picture(output)
     with session(quiet=quiet):
         made, kind = surface.all_in_focus(stack, window_px=window, register=register)
         write_picture(made, output, kind)
