@@ -35,11 +35,13 @@ Array = NDArray[np.float64]
 LEVEL, OFFSET = 1000.0, 100.0
 
 MEMORY = """
-import json, resource, sys, time
+import json, re, sys, time
+from pathlib import Path
 from specularia import surface
 start = time.process_time()
 surface.heights(sys.argv[1], pitch_um=1.0, step_um=1.0, kind="confocal", output=sys.argv[2])
-peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+# Not getrusage, which remembers what the parent held when it started this process.
+peak = int(re.search(r"VmHWM:\\s+(\\d+)", Path("/proc/self/status").read_text())[1]) / 2**20
 print(json.dumps([peak, time.process_time() - start]))
 """
 

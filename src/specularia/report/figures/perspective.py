@@ -22,6 +22,8 @@ _TURN, _ELEVATION = np.radians(-32.0), np.radians(38.0)
 _SIDE = 700
 """Pixels of the longer side of the map that are drawn at most."""
 
+_POINTS = 4_000_000
+
 _WIDE = 1500
 """Width of the picture in pixels."""
 
@@ -106,6 +108,26 @@ def _means(image: Array, step: int) -> Array:
     return np.where(2 * count > step * step, np.nansum(blocks, axis=(1, 3)) / np.maximum(count, 1), np.nan)
 
 
+def _lit(
+    z: NDArray[np.float32], dx: float, dy: float, coloured: bool, span: float
+) -> tuple[NDArray[np.float32], float]:
+    """Colour of each pixel under a lamp from the left, [row, column, 3], and how far steep ones stretch."""
+    from scipy.ndimage import gaussian_filter
+
+    gy, gx = np.gradient(z, dy, axis=0), np.gradient(z, dx, axis=1)
+    norm = np.sqrt(gx * gx + gy * gy + 1.0)
+    lamp = np.array([-0.75, 0.25, 0.62])
+    lamp /= np.sqrt(np.sum(lamp * lamp))
+    lit = np.clip((lamp[2] - lamp[0] * gx - lamp[1] * gy) / norm, 0.0, None)
+    # Hollows see less of the sky.
+    above = z - gaussian_filter(z, 0.012 * max(z.shape))
+    hollow = np.clip(above / (3.0 * float(np.std(above)) + 1e-12), -1.0, 1.0)
+    shade = np.clip(0.22 + 0.85 * lit + 0.14 * hollow, 0.03, 1.15)
+    base = mpl.colormaps["cividis"](np.clip(z / span, 0, 1))[..., :3] if coloured else _CLAY
+    stretched = float(np.clip(np.quantile(norm, 0.98) / 1.3, 1.0, 2.2))
+    return np.clip(base * shade[..., None], 0, 1).astype(np.float32), stretched
+
+
 def _drawn(
     heights: Array, dx: float, dy: float, exaggeration: float, coloured: bool, span: tuple[float, float]
 ) -> tuple[NDArray[np.uint8], list[tuple[Array, Array]], float]:
@@ -113,7 +135,7 @@ def _drawn(
 
     Points denser than the picture's pixels are laid down from the farthest to the nearest.
     """
-    from scipy.ndimage import binary_closing, distance_transform_edt, gaussian_filter, zoom
+    from scipy.ndimage import binary_closing, distance_transform_edt, zoom
 
     low, high = span
     z = (heights - low) * exaggeration
@@ -125,32 +147,15 @@ def _drawn(
     extent = abs(width * cos) + abs(depth * sin)
     scale = 0.96 * _WIDE / extent
 
-    fine = min(6.0, max(1.0, 1.8 * scale * max(dx, dy)))
-    # Steep flanks stretch: more points where there are many.
-    slope = np.hypot(*np.gradient(np.where(np.isfinite(z), z, np.nanmedian(z)), dy, dx))
-    fine *= float(np.clip(np.quantile(np.sqrt(1.0 + slope**2), 0.98) / 1.3, 1.0, 2.2))
     known = np.isfinite(z)
-    solid = np.where(known, z, np.nanmedian(z))
-    there = zoom(known.astype(np.float32), fine, order=0, grid_mode=False) > 0.5
-    surface_z = zoom(solid, fine, order=1, grid_mode=False)
-    py, px = depth / (surface_z.shape[0] - 1), width / (surface_z.shape[1] - 1)
-    gy, gx = np.gradient(surface_z, py, px)
-    norm = np.sqrt(gx * gx + gy * gy + 1.0)
-    normal = np.stack([-gx, -gy, np.ones_like(gx)]) / norm
-    light = np.array([-0.75, 0.25, 0.62])
-    light /= np.hypot(np.hypot(*light[:2]), light[2])
-    lit = np.clip(np.tensordot(light, normal, 1), 0.0, None)
-    # Hollows see less of the sky.
-    wide = gaussian_filter(surface_z, 0.012 * max(surface_z.shape))
-    hollow = np.clip((surface_z - wide) / (3.0 * float(np.std(surface_z - wide)) + 1e-12), -1.0, 1.0)
-    shade = np.clip(0.22 + 0.85 * lit + 0.14 * hollow, 0.03, 1.15)
-    if coloured:
-        base = mpl.colormaps["cividis"](np.clip(surface_z / (exaggeration * max(high - low, 1e-30)), 0, 1))[
-            ..., :3
-        ]
-    else:
-        base = np.broadcast_to(_CLAY, (*surface_z.shape, 3))
-    colour = np.clip(base * shade[..., None], 0, 1)
+    solid = np.where(known, z, np.nanmedian(z)).astype(np.float32)
+    tints, steep = _lit(solid, dx, dy, coloured, exaggeration * max(high - low, 1e-30))
+    # Denser than the picture's pixels, and more where steep flanks stretch.
+    fine = np.clip(1.5 * scale * steep * np.array([dy, dx]), 1.0, 10.0)
+    fine *= min(1.0, np.sqrt(_POINTS / (solid.size * fine[0] * fine[1])))
+    surface_z = zoom(solid, fine, order=1)
+    colour = np.stack([zoom(tints[..., c], fine, order=1) for c in range(3)], axis=-1)
+    there = zoom(known.astype(np.float32), fine, order=0) > 0.5
     y, x = np.meshgrid(
         np.linspace(0, depth, surface_z.shape[0]), np.linspace(0, width, surface_z.shape[1]), indexing="ij"
     )
