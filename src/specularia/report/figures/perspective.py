@@ -153,9 +153,9 @@ def _drawn(
     # Denser than the picture's pixels, and more where steep flanks stretch.
     fine = np.clip(1.5 * scale * steep * np.array([dy, dx]), 1.0, 10.0)
     fine *= min(1.0, np.sqrt(_POINTS / (solid.size * fine[0] * fine[1])))
-    surface_z = zoom(solid, fine, order=1)
-    colour = np.stack([zoom(tints[..., c], fine, order=1) for c in range(3)], axis=-1)
-    there = zoom(known.astype(np.float32), fine, order=0) > 0.5
+    surface_z = zoom(solid, fine, order=1, mode="nearest")
+    colour = np.stack([zoom(tints[..., c], fine, order=1, mode="nearest") for c in range(3)], axis=-1)
+    there = zoom(known.astype(np.float32), fine, order=0, mode="nearest") > 0.5
     y, x = np.meshgrid(
         np.linspace(0, depth, surface_z.shape[0]), np.linspace(0, width, surface_z.shape[1]), indexing="ij"
     )
