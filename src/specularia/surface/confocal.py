@@ -94,8 +94,7 @@ def learn(stack: Stack, *, vibration: bool = False) -> Pilot:
     pixels = min(_PILOT_PIXELS, _PILOT_BYTES // (4 * stack.slices))
     wanted = int(np.clip(np.ceil(pixels / columns), 1, rows))
     chosen = np.unique(np.linspace(0, rows - 1, wanted).round().astype(int))
-    part = np.concatenate([stack.rows(int(r), int(r) + 1)[:, 0] for r in chosen], axis=1)
-    stack.release()
+    part = stack.sample(chosen)
     saturation = _full_scale(stack)
     part = part[:, (part < saturation).all(axis=0)]
     if part.shape[1] < 16:

@@ -224,8 +224,7 @@ def _photographs(stack: Stack) -> bool:
     rows, columns = stack.shape
     chosen = np.unique(np.linspace(0, rows - 1, min(rows, 64)).round().astype(int))
     step = max(1, columns // 1024)
-    part = np.concatenate([stack.rows(int(r), int(r) + 1)[:, 0, ::step] for r in chosen], axis=1)
-    stack.release()
+    part = stack.sample(chosen, step=step)
     low = np.quantile(part, 0.25, axis=0, method="nearest")
     up, down = part.max(axis=0) - low, low - part.min(axis=0)
     lively = up + down >= np.quantile(up + down, 0.75)

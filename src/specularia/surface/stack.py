@@ -67,6 +67,15 @@ class Stack:
             return part.mean(axis=3, dtype=np.float32)
         return part.astype(np.float32)
 
+    def sample(self, rows: NDArray[np.int64], *, step: int = 1) -> NDArray[np.float32]:
+        """Brightness [slice, pixel] of single rows, every `step`-th column, read one after the other."""
+        parts = []
+        for row in rows:
+            parts.append(self.rows(int(row), int(row) + 1)[:, 0, ::step])
+            # A row touches pages in every slice, and the system maps their neighbours with them.
+            self.release()
+        return np.concatenate(parts, axis=1)
+
     def frame(self, k: int) -> NDArray[np.float32]:
         """Brightness of slice k, [row, column]; colours are averaged."""
         frame = np.asarray(self.frames[k])
