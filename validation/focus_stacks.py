@@ -327,7 +327,7 @@ def memory() -> list[str]:
             peaks.append((side, slices, peak))
             size = 2 * slices * side * side / 1e9
             lines.append(f"| {side} x {side} | {slices} | {size:.1f} | {peak:.2f} | {seconds:.0f} |")
-    # What grows with the map, from the first two rows; the third shows what grows with the slices.
+    # What grows with the map, from the first two rows; the third holds what grows with the slices.
     by_pixel = (peaks[1][2] - peaks[0][2]) / (1000**2 - 500**2)
     whole = peaks[2][2] + by_pixel * (4000**2 - 1000**2)
     return [
