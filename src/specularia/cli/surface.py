@@ -25,8 +25,25 @@ Output = Annotated[
     Path,
     typer.Option("-o", "--output", metavar="MAP.nc", callback=_netcdf, help="The height map to write."),
 ]
+
+
+def _is_picture(path: Path) -> None:
+    if path.suffix.lower() not in (".png", ".tif", ".tiff", ".jpg", ".jpeg"):
+        raise typer.BadParameter(f"{path} must end in .png, .tif or .jpg")
+
+
 Unit = Annotated[str | None, typer.Option("--unit", help="Unit of a file that names none: m, mm, um or nm.")]
 Pitch = Annotated[float | None, typer.Option("--pitch", help="Pixel size in um, for a file that holds none.")]
+
+
+Stack = Annotated[
+    Path,
+    typer.Argument(metavar="STACK", help="A multi-page TIFF, an OME-TIFF, an .npy or a folder of pictures."),
+]
+Window = Annotated[
+    float,
+    typer.Option("--window", help="Photographs: pixels (standard deviation) that sharpness is judged over."),
+]
 
 
 @app.command()
@@ -43,14 +60,109 @@ def info(
     emit(payload, as_json=as_json, lines=table((str(path), ""), list(shown.items())))
 
 
+Levelling = Annotated[
+    str,
+    typer.Option(
+        "--level",
+        metavar="METHOD",
+        help="Form to take off first: none, plane, polynomial[:DEGREE] or robust[:DEGREE].",
+    ),
+]
+
+
+def _levelling(text: str) -> tuple[str, int | None]:
+    method, _, order = text.partition(":")
+    if method not in ("none", "plane", "polynomial", "robust") or (order and not order.isdigit()):
+        raise typer.BadParameter(
+            f"{text!r} is not none, plane, polynomial[:N] or robust[:N]", param_hint="--level"
+        )
+    return method, int(order) if order else None
+
+
 @app.command()
-def heights(
-    stack: Annotated[
+def texture(
+    path: Map,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="DIR", help="A folder for figures and tables.")
+    ] = None,
+    levelling: Levelling = "plane",
+    exaggeration: Annotated[
+        float | None, typer.Option("--exaggeration", min=0.0, help="Of the heights in the shaded relief.")
+    ] = None,
+    pitch: Pitch = None,
+    unit: Unit = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """What a surface is: height, slope, spacing and ratio parameters of ISO 25178-2, spectra, figures."""
+    from specularia import surface
+    from specularia.report.texture import write_texture
+
+    method, order = _levelling(levelling)
+    with session(quiet=quiet):
+        flat = surface.levelled(surface.read(path, pitch_um=pitch, unit=unit), method=method, order=order)
+        found = surface.texture(flat, method="none")
+        files = [] if output is None else write_texture(flat, found, output, exaggeration=exaggeration)
+    payload = {"levelling": levelling, **found.payload(), "files": [str(f) for f in files]}
+    shown = {k: v for k, v in payload.items() if k != "files"}
+    emit(payload, as_json=as_json, lines=table((str(path), ""), list(shown.items())))
+
+
+@app.command()
+def export(
+    path: Map,
+    output: Annotated[
         Path,
-        typer.Argument(
-            metavar="STACK", help="A multi-page TIFF, an OME-TIFF, an .npy or a folder of pictures."
+        typer.Option(
+            "-o", "--output", metavar="FILE", help=".x3p, .nc, or .obj, .ply or .stl for a closed slab in um."
         ),
     ],
+    back: Annotated[
+        Path | None,
+        typer.Option("--back", metavar="MAP", help="Mesh: the back's map; without it a flat back."),
+    ] = None,
+    thickness: Annotated[
+        float | None,
+        typer.Option("--thickness", help="Mesh: mm between the mean planes of front and back."),
+    ] = None,
+    every: Annotated[int, typer.Option("--every", min=1, help="Mesh: take every N-th pixel.")] = 1,
+    levelling: Levelling = "none",
+    pitch: Pitch = None,
+    unit: Unit = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """A height map for other programs: X3P, netCDF, or a closed mesh of a slab."""
+    from specularia import surface
+    from specularia.files import writable
+
+    method, order = _levelling(levelling)
+    mesh = output.suffix.lower() in surface.MESHES
+    if mesh and thickness is None:
+        raise typer.BadParameter("a closed mesh needs it, in mm", param_hint="--thickness")
+    if not mesh and (back is not None or thickness is not None or every != 1):
+        raise typer.BadParameter("--back, --thickness and --every belong to .obj, .ply and .stl")
+    with session(quiet=quiet):
+        writable(output)
+        maps = [
+            surface.levelled(surface.read(p, pitch_um=pitch, unit=unit), method=method, order=order)
+            for p in (path, back)
+            if p is not None
+        ]
+        surface.export(
+            maps[0],
+            output,
+            back=maps[1] if back is not None else None,
+            thickness_um=None if thickness is None else 1000.0 * thickness,
+            every=every,
+        )
+    payload = {"path": str(output.absolute()), "bytes": output.stat().st_size, "shape": list(maps[0].shape)}
+    emit(payload, as_json=as_json, lines=[f"{output}: {payload['bytes']} bytes"])
+
+
+@app.command()
+def heights(
+    stack: Stack,
     output: Output,
     pitch: Annotated[
         float | None, typer.Option("--pitch", help="Pixel size in um; overrides the file's.")
@@ -63,22 +175,62 @@ def heights(
         str | None,
         typer.Option("--first-row", metavar="bottom|top", help="Whether row 0 of a picture is its lowest y."),
     ] = None,
+    kind: Annotated[
+        str,
+        typer.Option(
+            "--kind",
+            metavar="auto|confocal|contrast",
+            help="Confocal brightness, or contrast of photographs.",
+        ),
+    ] = "auto",
+    remove: Annotated[
+        str,
+        typer.Option(
+            "--remove", metavar="LIST", help="What to take off: tilt,bow,vibration or some of them."
+        ),
+    ] = "",
+    max_slope: Annotated[
+        float | None, typer.Option("--max-slope", help="Degrees from which a pixel is flagged as steep.")
+    ] = None,
+    window: Window = 3.0,
+    image: Annotated[
+        Path | None,
+        typer.Option(
+            "--picture", metavar="FILE", help="Also write the picture in focus, its top the highest y."
+        ),
+    ] = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """A confocal focus stack to a height map with the uncertainty of each pixel."""
+    """A focus stack to a height map with the uncertainty and the flags of each pixel.
+
+    Work that was cut off goes on where it was, when the command is given again.
+    """
     import json
 
     from specularia import surface
     from specularia.files import writable
+    from specularia.report.texture import write_picture
 
     if first_row not in (None, "bottom", "top"):
         raise typer.BadParameter("is 'bottom' or 'top'", param_hint="--first-row")
+    if kind not in ("auto", "confocal", "contrast"):
+        raise typer.BadParameter("is 'auto', 'confocal' or 'contrast'", param_hint="--kind")
+    wanted = [word.strip() for word in remove.split(",") if word.strip()]
+    if not set(wanted) <= {"tilt", "bow", "vibration"}:
+        raise typer.BadParameter(f"{remove!r} is not a list of tilt, bow, vibration", param_hint="--remove")
+    if image is not None:
+        _is_picture(image)
     with session(quiet=quiet):
         writable(output)
+        if image is not None:
+            writable(image)
         taken = surface.read_stack(stack, pitch_um=pitch, step_um=step, first_row=first_row)
-        made = surface.heights(taken)
-        surface.write(made, output)
+        made = surface.heights(
+            taken, kind=kind, remove=wanted, max_slope_deg=max_slope, window_px=window, output=output
+        )
+        if image is not None and made.image is not None:
+            write_picture(made.image[::-1], image, str(taken.frames.dtype))
     x, y = taken.pitch_um
     payload = {
         "pitch_um": x if x == y else [x, y],
@@ -86,8 +238,10 @@ def heights(
         "shape": list(made.shape),
         "missing": made.missing,
         "missing_because": json.loads(made.attributes["missing_because"]),
+        "flagged": json.loads(made.attributes["flagged"]),
         "range_um": made.range_um,
         "rms_sigma_um": surface.rms_sigma(made),
+        "removed": made.attributes.get("removed", ""),
     }
     lines = [
         f"{output}: {made.shape[0]} rows x {made.shape[1]} columns of {x:g} x {y:g} um, "
@@ -96,6 +250,32 @@ def heights(
         f"{made.missing} missing",
     ]
     emit(payload, as_json=as_json, lines=lines)
+
+
+@app.command()
+def picture(
+    stack: Stack,
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="PICTURE", help="A .png, .tif or .jpg to write.")
+    ],
+    window: Window = 3.0,
+    register: Annotated[
+        bool,
+        typer.Option("--register/--as-is", help="Lay the frames over each other first, or take them as is."),
+    ] = True,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """One picture in focus everywhere from photographs through focus."""
+    from specularia import surface
+    from specularia.report.texture import write_picture
+
+    _is_picture(output)
+    with session(quiet=quiet):
+        made, kind = surface.all_in_focus(stack, window_px=window, register=register)
+        write_picture(made, output, kind)
+    payload = {"path": str(output.absolute()), "shape": list(made.shape), "type": kind}
+    emit(payload, as_json=as_json, lines=[f"{output}: {made.shape[0]} rows x {made.shape[1]} columns"])
 
 
 @app.command()

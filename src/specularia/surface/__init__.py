@@ -1,30 +1,48 @@
 """Height maps: readers, focus stacks, levelling, roughness, healing."""
 
 from specularia.surface.describe import Description, describe
+from specularia.surface.export import MESHES, export, slab_mesh
+from specularia.surface.form import flattened, levelled
 from specularia.surface.healing import Healed, heal
-from specularia.surface.heightmap import HeightMap, filled, level, rms_sigma
-from specularia.surface.measure import heights
+from specularia.surface.heightmap import FLAGS, HeightMap, filled, level, rms_sigma
+from specularia.surface.measure import all_in_focus, heights
 from specularia.surface.netcdf import write
 from specularia.surface.readers import check, read
 from specularia.surface.roughness import Roughness, roughness, slopes
+from specularia.surface.spectra import Spacing, Spectrum, power_spectrum
 from specularia.surface.stack import Stack, read_stack
+from specularia.surface.texture import MaterialRatio, SlopeDistribution, Texture, texture
 
 __all__ = [
+    "FLAGS",
+    "MESHES",
     "Description",
     "Healed",
     "HeightMap",
+    "MaterialRatio",
     "Roughness",
+    "SlopeDistribution",
+    "Spacing",
+    "Spectrum",
     "Stack",
+    "Texture",
+    "all_in_focus",
     "check",
     "describe",
+    "export",
     "filled",
+    "flattened",
     "heal",
     "heights",
     "level",
+    "levelled",
+    "power_spectrum",
     "read",
     "read_stack",
     "rms_sigma",
     "roughness",
+    "slab_mesh",
     "slopes",
+    "texture",
     "write",
 ]

@@ -26,9 +26,11 @@ __all__ = [
     "background",
     "coarse",
     "cramer_rao",
+    "displacements",
     "fit",
     "learnt",
     "noise_of",
+    "significance",
     "width_of",
 ]
 
@@ -94,6 +96,7 @@ class Peaks:
 
     Parameters
     ----------
+    index : [W, N] slice of each sample; below 0 or beyond the last where there is none.
     place, sigma : [N] peak position and its standard uncertainty, in slices.
     height : [N] brightness of the peak above the background.
     width : [N] width of the response, in slices.
@@ -105,6 +108,7 @@ class Peaks:
     inverse, covariance : 3 x 3 of [N]: inverse normal matrix, and covariance of height, place and width.
     """
 
+    index: NDArray[np.int64]
     place: Array
     sigma: Array
     height: Array
@@ -131,32 +135,17 @@ class Peaks:
         return np.clip(1.0 - 2.0 * hat + spread / np.where(taper > 0, taper, 1.0), 0.0, 1.0)
 
 
-def coarse(
-    brightness: NDArray[np.float32], width: float
-) -> tuple[NDArray[np.int64], NDArray[np.float32], Array]:
-    """Brightest slice of each pixel after smoothing along z by the width of the response.
+def coarse(brightness: NDArray[np.float32], width: float) -> NDArray[np.int64]:
+    """Brightest slice of each pixel, [N], after smoothing along z by the width of the response.
 
     Parameters
     ----------
     brightness : [slices, N].
     width : standard deviation of the response in slices.
-
-    Returns
-    -------
-    peak : [N] index of the brightest slice.
-    smooth : [slices, N] the smoothed brightness.
-    second : [N] largest smoothed brightness farther than `REACH` FWHM from the peak; the smallest of the
-        profile where nothing lies that far.
     """
     from scipy.ndimage import gaussian_filter1d
 
-    smooth = gaussian_filter1d(brightness, width, axis=0, mode="nearest", truncate=2.5)
-    peak = np.argmax(smooth, axis=0)
-    reach = int(np.ceil(REACH * FWHM_PER_SIGMA * width))
-    near = np.abs(np.arange(brightness.shape[0])[:, None] - peak) <= reach
-    second = np.where(near, -np.inf, smooth).max(axis=0)
-    second = np.where(np.isfinite(second), second, smooth.min(axis=0))
-    return peak, smooth, second.astype(np.float64)
+    return np.argmax(gaussian_filter1d(brightness, width, axis=0, mode="nearest", truncate=2.5), axis=0)
 
 
 def background(brightness: NDArray[np.float32]) -> Array:
@@ -166,21 +155,38 @@ def background(brightness: NDArray[np.float32]) -> Array:
 
 
 def width_of(brightness: NDArray[np.float32], base: Array) -> float:
-    """Standard deviation of the axial response in slices: the median over the brighter half of the pixels.
+    """Standard deviation of the axial response in slices, as a start for the fits.
 
-    Counted from the samples above half maximum next to the brightest one, which needs no model and no start.
+    The Gaussian of unit energy that answers most to the brighter half of the pixels: a matched filter keeps
+    the noise the same at every width, so that it finds a peak that no single sample shows.
+
+    Parameters
+    ----------
+    brightness : [slices, N].
+    base : [N] background.
     """
-    top = brightness.max(axis=0)
-    contrast = top - base
-    bright = contrast >= np.median(contrast)
-    part, half = brightness[:, bright], (base + 0.5 * contrast)[bright]
-    above = part >= half
-    peak = np.argmax(part, axis=0)
-    n = part.shape[0]
-    after = np.arange(n)[:, None] >= peak
-    up = np.where(after & ~above, np.arange(n)[:, None], n).min(axis=0)
-    down = np.where(~after & ~above, np.arange(n)[:, None], -1).max(axis=0)
-    return max(float(np.mean(up - down - 1)) / FWHM_PER_SIGMA, 0.4)
+    from scipy.ndimage import gaussian_filter1d
+
+    signal = brightness - base.astype(np.float32)
+    widest = max(brightness.shape[0] / 4.0, 1.0)
+    answers = {}
+    for width in np.geomspace(0.4, widest, max(3, int(np.ceil(np.log(widest / 0.4) / np.log(1.2))))):
+        smooth = gaussian_filter1d(signal, width, axis=0, mode="constant", truncate=3.0)
+        answers[float(width)] = float(np.quantile(smooth.max(axis=0), 0.75)) * np.sqrt(width)
+    return max(answers, key=lambda w: answers[w])
+
+
+def significance(brightness: NDArray[np.float32], base: Array, width: float, noise: Noise) -> Array:
+    """Answer of each pixel to the matched filter of this width, over its noise out of focus, [N].
+
+    Noise alone reaches some 3 to 4 in a stack of some hundred slices.
+    """
+    from scipy.ndimage import gaussian_filter1d
+
+    signal = brightness - base.astype(np.float32)
+    smooth = gaussian_filter1d(signal, width, axis=0, mode="constant", truncate=3.0).max(axis=0)
+    gain = np.sqrt(2.0 * np.sqrt(np.pi) * max(width, 0.4))
+    return smooth * gain / np.sqrt(noise.variance(base))
 
 
 def fit(
@@ -190,6 +196,7 @@ def fit(
     base: Array,
     response: Response,
     noise: Noise,
+    displaced: Array | None = None,
 ) -> Peaks:
     """Fit base + height * g((z - place) / width) to each pixel by Gauss-Newton steps.
 
@@ -201,6 +208,7 @@ def fit(
     response : shape, and the typical width: the start, and the scale of the taper
         cos^2(pi (z - place) / (2 L)), L = `REACH` * FWHM.
     noise : variances for the weights.
+    displaced : [slices] how far each slice lies above its even place, in slices; none unless given.
     """
     slices = brightness.shape[0]
     width = response.width
@@ -210,6 +218,8 @@ def fit(
     exists = (index >= 0) & (index < slices)
     data = np.take_along_axis(brightness, np.clip(index, 0, slices - 1), axis=0).astype(np.float64) - base
     z = index.astype(np.float64)
+    if displaced is not None:
+        z += np.where(exists, displaced[np.clip(index, 0, slices - 1)], 0.0)
 
     # Start from the first moment of what stands above half maximum.
     # A pixel without a peak starts from one standard deviation of its noise.
@@ -248,6 +258,7 @@ def fit(
     covariance = _times(half, inverse)
     expected = taper.sum(axis=0) - (half[0][0] + half[1][1] + half[2][2])
     return Peaks(
+        index=index,
         place=place,
         sigma=np.sqrt(np.maximum(covariance[1][1], 0.0)),
         height=height,
@@ -307,6 +318,23 @@ def learnt(response: Response, peaks: Peaks) -> Response:
     coefficients = np.linalg.solve((terms * weight) @ terms.T, (terms * weight) @ wanted)
     even = (c4 + float(coefficients[2]), c6 + float(coefficients[3]), c8 + float(coefficients[4]))
     return Response(float(np.median(peaks.width)), even)
+
+
+def displacements(peaks: Peaks, slices: int) -> tuple[Array, Array]:
+    """How far slices lie above where the fits took them to be, and the standard error of that, [slices] each.
+
+    A slice that lies d higher than thought shows every pixel as the fit would show it at z + d: residual = -d
+    times the derivative by place. Weighted least squares over all pixels that see the slice; where none does
+    the displacement is 0 and the error infinite. Method: ours.
+    """
+    use = (peaks.taper > 0.05) & (peaks.index >= 0) & (peaks.index < slices)
+    place = peaks.index[use]
+    derivative, weight = peaks.jacobian[1][use], peaks.weight[use]
+    moment = np.bincount(place, weight * derivative**2, minlength=slices)
+    wanted = np.bincount(place, -weight * derivative * peaks.residual[use], minlength=slices)
+    found = np.where(moment > 0, wanted / np.where(moment > 0, moment, 1.0), 0.0)
+    error = np.where(moment > 0, 1.0 / np.sqrt(np.where(moment > 0, moment, 1.0)), np.inf)
+    return found, error
 
 
 def noise_of(peaks: Peaks, far: Array, far_brightness: float, *, floor: float) -> Noise:

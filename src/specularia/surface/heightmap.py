@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from specularia.errors import PhysicsError, SpeculariaError
 
-__all__ = ["HeightMap", "filled", "level", "plane", "rms_sigma"]
+__all__ = ["FLAGS", "HeightMap", "filled", "level", "plane", "rms_sigma"]
 
 Array = NDArray[np.float64]
+
+FLAGS: Final = {"saturated": 1, "dark": 2, "edge": 4, "double": 8, "steep": 16}
+"""What can be wrong with a pixel of a focus stack, and its bit in `HeightMap.flags`."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +31,7 @@ class HeightMap:
     sigma_um : standard uncertainty of each height, same shape, where known.
     image : brightness in focus, same shape, where known.
     reliability : 0..1, same shape: the share of the focus peak by which it stands above the next one.
+    flags : what is wrong with each pixel, same shape, unsigned 8-bit: sums of the values of `FLAGS`.
     name : for messages and captions.
     attributes : provenance, flat strings.
     """
@@ -39,6 +44,7 @@ class HeightMap:
     name: str = ""
     attributes: Mapping[str, str] = field(default_factory=dict)
     reliability: Array | None = None
+    flags: NDArray[np.uint8] | None = None
 
     def __post_init__(self) -> None:
         heights = np.ascontiguousarray(self.heights_um, dtype=np.float64)
@@ -47,7 +53,7 @@ class HeightMap:
                 f"{self.name or 'height map'}: expected [row, column], found {heights.shape}."
             )
         object.__setattr__(self, "heights_um", heights)
-        for key in ("sigma_um", "image", "reliability"):
+        for key in ("sigma_um", "image", "reliability", "flags"):
             value = getattr(self, key)
             if value is not None and np.shape(value) != heights.shape:
                 raise SpeculariaError(

@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from specularia.errors import FormatError
 from specularia.files import read_netcdf, write_netcdf
-from specularia.surface.heightmap import HeightMap
+from specularia.surface.heightmap import FLAGS, HeightMap
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -37,17 +37,24 @@ def write(surface: HeightMap, path: str | Path, attributes: Mapping[str, str] | 
     import xarray as xr
 
     path = Path(path)
-    variables = {
+    variables: dict[str, tuple[tuple[str, str], Any, Mapping[str, object]]] = {
         "height_um": (("y", "x"), surface.heights_um, {"units": "um", "long_name": "height out of the glass"})
     }
-    for key, (units, meaning) in _LAYERS.items():
+    for key, (units, words) in _LAYERS.items():
         layer = getattr(surface, key)
         if layer is not None:
             variables[key] = (
                 ("y", "x"),
                 np.asarray(layer, np.float32),
-                {"units": units, "long_name": meaning},
+                {"units": units, "long_name": words},
             )
+    if surface.flags is not None:
+        meaning: dict[str, object] = {
+            "long_name": "what is wrong with a pixel",
+            "flag_masks": np.array(list(FLAGS.values()), np.uint8),
+            "flag_meanings": " ".join(FLAGS),
+        }
+        variables["flags"] = (("y", "x"), np.asarray(surface.flags, np.uint8), meaning)
     coordinates = {
         "x": ("x", surface.x_um, {"units": "um", "long_name": "along columns"}),
         "y": ("y", surface.y_um, {"units": "um", "long_name": "along rows, row 0 lowest"}),
@@ -93,6 +100,7 @@ def read(path: str | Path) -> HeightMap:
         pitch_y_um=float(pitch_y) if pitch_y else _spacing(dataset, "y", path),
         name=name,
         attributes=attributes,
+        flags=dataset["flags"].values.astype(np.uint8) if "flags" in dataset else None,
         **layers,
     )
 

@@ -90,8 +90,8 @@ def check(surface: HeightMap, *, file: Path) -> None:
     """Refuse what cannot be a measured surface, warn of what is unlikely.
 
     Refused: a field outside 50 nm to 1 m or a pixel outside 0.01 nm to 1 cm (a unit misread), no measured
-    pixel. Warned of: a span of heights above the larger side of the field, more than half of the pixels
-    missing, pixels that are not square, a profile.
+    pixel. Warned of: a span of heights above the larger side of the field or of nothing, more than half of
+    the pixels missing, pixels that are not square, a profile.
     """
     field_x, field_y = surface.field_um
     for extent, pitch in ((field_x, surface.pitch_x_um), (field_y, surface.pitch_y_um)):
@@ -118,6 +118,8 @@ def check(surface: HeightMap, *, file: Path) -> None:
             f"heights span {surface.range_um:.4g} um over a field of {np.nanmax(surface.field_um):.4g} um; "
             "the height unit may be wrong."
         )
+    elif surface.range_um == 0 and surface.heights_um.size - surface.missing > 1:
+        warn("every height is the same; this may be another channel than the heights.")
     if surface.is_profile:
         warn("this is a profile, not a map: one row, no extent in y.")
     elif abs(surface.pitch_x_um / surface.pitch_y_um - 1.0) > 0.01:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from specularia.surface.heightmap import HeightMap, level
 
-__all__ = ["Roughness", "roughness", "slopes"]
+__all__ = ["Roughness", "roughness", "roughness_of", "slopes"]
 
 Array = NDArray[np.float64]
 
@@ -82,11 +82,16 @@ def roughness(surface: HeightMap) -> Roughness:
     >>> round(r.Sdq, 3), round(2 * np.pi / 10 / 2**0.5, 3)
     (0.444, 0.444)
     """
-    flat = level(surface)
+    return roughness_of(level(surface))
+
+
+def roughness_of(flat: HeightMap) -> Roughness:
+    """Sa, Sq and Sdq of a map that has been levelled, about its mean."""
     z = flat.heights_um[flat.valid]
+    z = z - z.mean()
     dx, dy = slopes(flat)
     x2 = _mean_square(dx)
-    y2 = 0.0 if surface.is_profile else _mean_square(dy)
+    y2 = 0.0 if flat.is_profile else _mean_square(dy)
     return Roughness(float(np.mean(np.abs(z))), float(np.sqrt(np.mean(z * z))), float(np.sqrt(x2 + y2)))
 
 

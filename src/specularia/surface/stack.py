@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import mmap
 import re
 import tempfile
 import warnings
@@ -20,7 +21,7 @@ from specularia.errors import FormatError, SpeculariaWarning
 from specularia.files import existing
 from specularia.surface.origin import UNITS, unit_in
 
-__all__ = ["Stack", "read_stack"]
+__all__ = ["Stack", "read_stack", "release"]
 
 _PICTURES = (".tif", ".tiff", ".png", ".jpg", ".jpeg", ".bmp")
 
@@ -66,6 +67,32 @@ class Stack:
             return part.mean(axis=3, dtype=np.float32)
         return part.astype(np.float32)
 
+    def sample(self, rows: NDArray[np.int64], *, step: int = 1) -> NDArray[np.float32]:
+        """Brightness [slice, pixel] of single rows, every `step`-th column, read one after the other."""
+        parts = []
+        for row in rows:
+            parts.append(self.rows(int(row), int(row) + 1)[:, 0, ::step])
+            # A row touches pages in every slice, and the system maps their neighbours with them.
+            self.release()
+        return np.concatenate(parts, axis=1)
+
+    def frame(self, k: int) -> NDArray[np.float32]:
+        """Brightness of slice k, [row, column]; colours are averaged."""
+        frame = np.asarray(self.frames[k])
+        return frame.mean(axis=2, dtype=np.float32) if frame.ndim == 3 else frame.astype(np.float32)
+
+    def release(self) -> None:
+        """Give back the memory of frames that lie on disk; they are read again when they are asked for."""
+        release(self.frames)
+
+
+def release(frames: NDArray[Any]) -> None:
+    """Give back the memory of an array that is mapped from a file; its numbers stay in the file."""
+    mapped = getattr(frames, "_mmap", None)
+    # Changes to a private copy would be lost.
+    if isinstance(mapped, mmap.mmap) and getattr(frames, "mode", "c") != "c" and hasattr(mapped, "madvise"):
+        mapped.madvise(mmap.MADV_DONTNEED)
+
 
 def read_stack(
     path: str | Path,
@@ -109,7 +136,10 @@ def read_stack(
     colours = frames.ndim == 4 and frames.shape[3] in (3, 4)
     if frames.ndim != 3 and not colours:
         raise FormatError(
-            file=path, expected="frames [slice, row, column]", found=f"an array of shape {frames.shape}"
+            file=path,
+            expected="frames [slice, row, column] of one channel and one time",
+            found=f"an array of shape {frames.shape}",
+            advice="Export each channel or time as a stack of its own." if frames.ndim > 3 else "",
         )
     if colours:
         frames = frames[..., :3]
@@ -177,6 +207,7 @@ def _folder(path: Path) -> NDArray[Any]:
         raise FormatError(
             file=path, expected=f"pictures ({', '.join(_PICTURES)})", found="none in this folder"
         )
+    files = _series(path, files)
     frames: NDArray[Any] | None = None
     for k, file in enumerate(files):
         try:
@@ -195,8 +226,34 @@ def _folder(path: Path) -> NDArray[Any]:
                 found=f"{picture.shape} {picture.dtype}",
             )
         frames[k] = picture
+        release(frames)
     assert frames is not None
     return frames
+
+
+def _series(folder: Path, files: list[Path]) -> list[Path]:
+    """The pictures whose names differ by their numbers alone, where others lie beside them."""
+    groups: dict[str, list[Path]] = {}
+    for file in files:
+        groups.setdefault(re.sub(r"\d+", "#", file.name), []).append(file)
+    largest = max(groups.values(), key=len)
+    if len(groups) == 1 or len(largest) < 5:
+        return files
+    others = [f.name for group in groups.values() if group is not largest for f in group]
+    if len(others) >= len(largest):
+        raise FormatError(
+            file=folder,
+            expected="the pictures of one stack",
+            found=f"several series: {', '.join(sorted(groups))}",
+            advice="Put each into a folder of its own.",
+        )
+    warnings.warn(
+        f"{folder.name}: {', '.join(others[:3])}{' and others' if len(others) > 3 else ''} left out: not of "
+        f"the series from {largest[0].name} to {largest[-1].name}.",
+        SpeculariaWarning,
+        stacklevel=4,
+    )
+    return largest
 
 
 @contextmanager

@@ -6,9 +6,13 @@ from specularia.report.figures.curves import sections, tau_curves
 from specularia.report.figures.distribution import dsf, measured_dsf, ratio_map
 from specularia.report.figures.finds import finds_by_colour, finds_on_plan
 from specularia.report.figures.luminance import luminance_maps
+from specularia.report.figures.perspective import relief
 from specularia.report.figures.surfaces import height_maps, micrographs
+from specularia.report.figures.texture import abbott_curve, directions, power_spectra, slope_angles
 
 __all__ = [
+    "abbott_curve",
+    "directions",
     "dsf",
     "finds_by_colour",
     "finds_on_plan",
@@ -16,7 +20,10 @@ __all__ = [
     "luminance_maps",
     "measured_dsf",
     "micrographs",
+    "power_spectra",
     "ratio_map",
+    "relief",
     "sections",
+    "slope_angles",
     "tau_curves",
 ]
