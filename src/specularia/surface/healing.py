@@ -1,11 +1,12 @@
 """The surface without its decay: pits found, and what may have been there drawn from what is left.
 
 1. Plateaux, what is left of the original surface, are found by their slopes (`plateaux`).
-2. A smooth field of waves is fitted to them (`random_field`). What lies below it by more than the noise is pit;
-   what continues it smoothly joins the plateaux. Decay only takes away, so a patch that lies below the others
-   is the floor of a pit, however flat.
+2. A smooth field of waves is fitted to them (`random_field`). What lies below it by more than the noise is
+   pit; what continues it smoothly joins the plateaux. Decay only takes away, so a patch that lies below the
+   others is the floor of a pit, however flat.
 3. The field's amplitudes and their spectrum are drawn together from what the plateaux say: an ensemble of
-   original surfaces. They agree on the plateaux and differ where nothing is left. Their mean is the healed map.
+   original surfaces. They agree on the plateaux and differ where nothing is left. Their mean is the healed
+   map.
 
 The mean is smoother than the surface was, where little is left of it: slopes, and light, are to be taken from
 the members. Method: ours.
@@ -13,6 +14,7 @@ the members. Method: ours.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal, get_args
@@ -20,14 +22,13 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from specularia.errors import PhysicsError
-from specularia.progress import task
+from specularia.errors import PhysicsError, SpeculariaWarning
 from specularia.surface import baselines, plateaux, random_field
-from specularia.surface.heightmap import HeightMap, filled, level, plane
+from specularia.surface.heightmap import HeightMap, filled, plane
 from specularia.surface.plateaux import Slopes, without_specks
 from specularia.surface.roughness import roughness
 
-__all__ = ["METHODS", "Healed", "Method", "heal"]
+__all__ = ["METHODS", "Healed", "Method", "heal", "interval_90"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -37,6 +38,7 @@ METHODS = get_args(Method)
 _STAGES = (8, 40, 150, 500)
 """Cosines and sines of the first fits, which throw out the floors of pits."""
 _TURNS = 6
+_MOST_PATCHES = 3000
 _TILE = 16
 _MANY = 1500
 """Cosines and sines of the field."""
@@ -46,6 +48,9 @@ _TOLERANCE = 3.0
 _FLOOR_UM = 1e-4
 """Least scatter that is believed of any heights."""
 _LEAST_PLATEAU = 0.005
+_BLOCK = 8
+_MOST_ABOVE = 0.1
+"""Share of the map above the healed surface from which a warning is given: decay only takes away."""
 _KNOWN = 0.5
 """A height is known where the plateaux take away this share of the variance that it had without them."""
 _COARSE = 48
@@ -58,11 +63,11 @@ class Healed:
 
     Parameters
     ----------
-    surface : the most probable original surface: no missing pixels, without the microscope's noise; `sigma_um` is
-        what plateaux leave open of it (None for the simple methods).
+    surface : the most probable original surface: no missing pixels, without the microscope's noise;
+        `sigma_um` is what plateaux leave open of it (None for the simple methods).
     pits : [rows, columns], True where nothing of the original surface is left.
     pit_coverage : share of pits among all pixels.
-    Sdq_before, Sdq_after : rms slope of the map given and of the healed one (median of the members, if any).
+    Sdq_before, Sdq_after : rms slope of the map given and of the healed one.
     tolerance_um : depth below the original surface from which a pixel counts as pit.
     parameters : settings, for provenance.
     method : how it was done.
@@ -105,8 +110,8 @@ def heal(
 
     Parameters
     ----------
-    surface : a map (no profile), at least 32 pixels each way, at most 20 % missing. Its `image`, if any, helps
-        to tell plateaux from walls where it does tell them apart.
+    surface : a map (no profile), at least 32 pixels each way, at most 20 % missing. Its `image`, if any,
+        helps to tell plateaux from walls where it does tell them apart.
     method : "field", or for comparison one of the simple ones: "flat", the plane on which the plateaux lie;
         "gaussian", the robust Gaussian regression of ISO 16610-71; "closing", a morphological closing that
         bridges pits (ISO 16610-85).
@@ -116,7 +121,8 @@ def heal(
 
     Raises
     ------
-    PhysicsError : a profile, a map too small, too many missing pixels, or nothing left of the original surface.
+    PhysicsError : a profile, a map too small, too many missing pixels, or nothing left of the original
+        surface.
     """
     if min(surface.shape) < 32:
         raise PhysicsError(
@@ -169,20 +175,20 @@ def _find(surface: HeightMap, h: Array, pitch: tuple[float, float]) -> _Found:
     seeds = plateaux.seeds(h, valid, pitch=pitch, noise=rough_noise)
     if seeds.mean() < _LEAST_PLATEAU:
         raise PhysicsError(
-            f"{surface.name}: patches smooth enough for an original surface cover {seeds.mean():.2%} of the map; "
-            "nothing of it is left to go by."
+            f"{surface.name}: patches smooth enough for an original surface cover {seeds.mean():.2%} of the "
+            "map; nothing of it is left to go by."
         )
     noise = max(plateaux.noise_of(h, seeds), _FLOOR_UM)
-    broad = 3.0 * float(np.ptp(h))
+    broad = float(np.ptp(h))
     kept = _on_top(h, seeds, pitch, noise, broad)
     slope = Slopes.of(h, pitch=pitch, noise=noise)
-    many = random_field.modes_of(surface.shape, pitch, count=_MANY)
-    spectrum = None
+    stretch, angle = slope.anisotropy(_inner(kept))
+    many = random_field.modes_of(surface.shape, pitch, count=_MANY, stretch=stretch, angle=angle)
+    spectrum = random_field.first_spectrum(many, height_um=max(_spread_of(h[kept]), noise))
+    scatter, base = noise, h
     for _ in range(_STEPS):
         data = _inner(kept)
-        equations = random_field.normal(many, h, data / noise**2)
-        height = max(_spread_of(h[kept]), noise)
-        spectrum = random_field.first_spectrum(many, height_um=height) if spectrum is None else spectrum
+        equations = random_field.normal(many, h, data / max(noise, scatter) ** 2)
         rng = np.random.default_rng(0)
         for _ in range(3):
             mean, one = random_field.solve(equations, spectrum, broad=broad, rng=rng)
@@ -204,7 +210,30 @@ def _find(surface: HeightMap, h: Array, pitch: tuple[float, float]) -> _Found:
             f"{surface.name}: plateaux cover {kept.mean():.2%}; "
             "nothing of the original surface is left to go by."
         )
+    data = _inner(kept)
+    sigma = scatter * _correlation((h - base) / scatter, data)
+    equations = random_field.normal(many, h, data / sigma**2)
     return _Found(kept, noise, many, equations, spectrum, broad, scatter)
+
+
+def _correlation(residual: Array, data: Mask) -> float:
+    """How much larger the noise must be taken because what the field leaves is not white, at least 1.
+
+    Means over blocks of n white residuals scatter by 1 / sqrt(n) of a single one.
+    """
+    rows, columns = (n // _BLOCK for n in data.shape)
+
+    def blocks(a: Array) -> Array:
+        cut = a[: rows * _BLOCK, : columns * _BLOCK].reshape(rows, _BLOCK, columns, _BLOCK)
+        return np.asarray(cut.sum(axis=(1, 3)))
+
+    count, total = blocks(data.astype(float)), blocks(np.where(data, residual, 0.0))
+    full = count > 0.5 * _BLOCK**2
+    if np.count_nonzero(full) < 20:
+        return 1.0
+    means = total[full] / count[full]
+    wide = _spread_of(means) * np.sqrt(np.median(count[full])) / max(_spread_of(residual[data]), 1e-12)
+    return float(max(wide, 1.0))
 
 
 def _inner(plateau: Mask) -> Mask:
@@ -218,9 +247,10 @@ def _inner(plateau: Mask) -> Mask:
 def _on_top(h: Array, seeds: Mask, pitch: tuple[float, float], noise: float, broad: float) -> Mask:
     """Seeds without the flat floors of pits.
 
-    Decay only takes away, so the plateaux are on top. Fields of more and more waves are fitted to the mean heights of
-    patches of seeds; in turns, patches go that lie too far below the field that all others make (leave one out).
-    What so few waves cannot follow counts as scatter of the patches, so it does not bend them.
+    Decay only takes away, so the plateaux are on top. Fields of more and more waves are fitted to the mean
+    heights of patches of seeds; in turns, patches go that lie too far below the field that all others make
+    (leave one out). What so few waves cannot follow counts as scatter of the patches, so it does not bend
+    them.
     """
     shape = (h.shape[0], h.shape[1])
     parts, count = _patches(seeds)
@@ -230,10 +260,14 @@ def _on_top(h: Array, seeds: Mask, pitch: tuple[float, float], noise: float, bro
     def mean_of(values: Array) -> Array:
         return np.bincount(parts.ravel(), weights=values.ravel(), minlength=count)[1:] / sizes
 
-    rows, columns, levels = mean_of(y), mean_of(x), mean_of(h)
+    rows, columns, levels = mean_of(y.astype(float)), mean_of(x.astype(float)), mean_of(h)
     weights = np.minimum(sizes / (0.5 * _tile(shape) ** 2), 1.0)
     centre, scatter = _crowd(levels, weights, noise)
     kept = (levels > centre - 5.0 * scatter) & (levels < centre + 8.0 * scatter)
+    # Thousands of patches are enough to fit some hundred waves to; smaller ones are judged by that fit.
+    if sizes.size > _MOST_PATCHES:
+        least = np.partition(sizes, -_MOST_PATCHES)[-_MOST_PATCHES]
+        weights = np.where(sizes >= max(least, 2.0), weights, 0.0)
     for waves in _STAGES:
         modes = random_field.modes_of(shape, pitch, count=waves)
         terms = random_field.terms(modes, rows, columns)
@@ -244,7 +278,9 @@ def _on_top(h: Array, seeds: Mask, pitch: tuple[float, float], noise: float, bro
                 terms, levels, np.where(kept, weights, 0.0) / scatter**2, spectrum, broad=broad
             )
             _, wide = _crowd(out[kept], weights[kept], noise)
-            _, scatter = _crowd(out[kept & (np.abs(out) < 3.0 * wide)], weights[kept & (np.abs(out) < 3.0 * wide)], noise)
+            _, scatter = _crowd(
+                out[kept & (np.abs(out) < 3.0 * wide)], weights[kept & (np.abs(out) < 3.0 * wide)], noise
+            )
             new = (out > -3.5 * scatter) & (out < 6.0 * scatter)
             if np.array_equal(new, kept) or weights[new].sum() < 0.2 * weights[kept].sum():
                 break
@@ -274,7 +310,7 @@ def _patches(mask: Mask) -> tuple[NDArray[np.intp], int]:
 
 
 def _crowd(levels: Array, sizes: Array, noise: float) -> tuple[float, float]:
-    """Weighted median of levels and 1.4826 times their weighted median distance from it, at least the noise."""
+    """Weighted median of levels, and 1.4826 times the median distance from it, at least the noise."""
 
     def median(values: Array) -> float:
         order = np.argsort(values)
@@ -290,9 +326,7 @@ def _spread_of(values: Array) -> float:
     return 1.4826 * float(np.median(np.abs(values - np.median(values))))
 
 
-def _judged(
-    h: Array, base: Array, valid: Mask, scatter: float, sd: Array, slope: Slopes
-) -> Mask:
+def _judged(h: Array, base: Array, valid: Mask, scatter: float, sd: Array, slope: Slopes) -> Mask:
     """Plateaux: what lies within the tolerance of the field and goes its way.
 
     The slope tells plateaux from the lines where walls cross the field, but it is blurred near a rim; so what
@@ -315,6 +349,15 @@ def _closed_specks(mask: Mask, most: int) -> Mask:
     return ~without_specks(~mask, most + 1)
 
 
+def interval_90(values: Array) -> tuple[float, float]:
+    """Where one more draw of a normal law lies with 90 % after these: mean -+ t s sqrt(1 + 1 / n)."""
+    from scipy.stats import t
+
+    n = values.size
+    half = float(t.ppf(0.95, n - 1) * np.std(values, ddof=1) * np.sqrt(1.0 + 1.0 / n))
+    return float(np.mean(values)) - half, float(np.mean(values)) + half
+
+
 def _spread(
     fitted: random_field.Field, equations: random_field.Normal, spectrum: Array, broad: float
 ) -> Array:
@@ -324,7 +367,12 @@ def _spread(
     rows, columns = fitted.modes.shape
     ny, nx = min(_COARSE, rows), min(_COARSE, columns)
     y, x = np.meshgrid(np.linspace(0, rows - 1, ny), np.linspace(0, columns - 1, nx), indexing="ij")
-    sd = random_field.spread(equations, spectrum, broad=broad, terms=random_field.terms(fitted.modes, y.ravel().astype(float), x.ravel().astype(float)))
+    sd = random_field.spread(
+        equations,
+        spectrum,
+        broad=broad,
+        terms=random_field.terms(fitted.modes, y.ravel().astype(float), x.ravel().astype(float)),
+    )
     return np.asarray(zoom(sd.reshape(ny, nx), (rows / ny, columns / nx), order=1, grid_mode=False))
 
 
@@ -341,7 +389,6 @@ def _drawn(
 ) -> Healed:
     """The ensemble, its mean, and where they rest on nothing."""
     modes = found.modes
-    data = _inner(found.plateau)
     means, draws, spectrum = random_field.draw(
         found.equations,
         modes,
@@ -359,14 +406,26 @@ def _drawn(
     for k in range(ensemble):
         members[k] = random_field.Field(modes, draws[k]).heights() + trend
         slopes.append(roughness(replace(healed, heights_um=members[k].astype(np.float64), sigma_um=None)).Sdq)
-    prior = np.sqrt(2.0 * np.sum(spectrum))
+    # The mean square of a wave is half of its squared amplitude, and it has a cosine and a sine.
+    prior = np.sqrt(np.sum(spectrum))
+    low_high = interval_90(np.array(slopes)) if len(slopes) > 1 else None
     pits = ~found.plateau
+    after = roughness(healed).Sdq
+    above = float(np.mean(h + trend - healed.heights_um > 2.0 * _TOLERANCE * found.scatter))
+    if after > before or above > _MOST_ABOVE:
+        warnings.warn(
+            f"{surface.name}: the healed surface has rms slope {after:.3g}, the map {before:.3g}, and "
+            f"{above:.1%} of the map lies above it. This does not look like a smooth surface with pits: "
+            "do not rely on it.",
+            SpeculariaWarning,
+            stacklevel=3,
+        )
     return Healed(
         surface=healed,
         pits=pits,
         pit_coverage=float(pits.mean()),
         Sdq_before=before,
-        Sdq_after=float(np.median(slopes)) if slopes else roughness(healed).Sdq,
+        Sdq_after=after,
         tolerance_um=_TOLERANCE * found.scatter,
         parameters={
             "method": "field",
@@ -378,4 +437,5 @@ def _drawn(
         },
         members=members,
         no_evidence=sd > np.sqrt(1.0 - _KNOWN) * prior,
+        Sdq_interval=low_high,
     )

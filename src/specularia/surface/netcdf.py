@@ -25,7 +25,13 @@ _LAYERS = {
 }
 
 
-def write(surface: HeightMap, path: str | Path, attributes: Mapping[str, str] | None = None) -> Path:
+def write(
+    surface: HeightMap,
+    path: str | Path,
+    attributes: Mapping[str, str] | None = None,
+    *,
+    layers: Mapping[str, tuple[tuple[str, ...], np.ndarray, dict[str, str]]] | None = None,
+) -> Path:
     """Write a height map as netCDF-4: height_um(y, x), and sigma_um, image, reliability where known.
 
     Parameters
@@ -33,11 +39,12 @@ def write(surface: HeightMap, path: str | Path, attributes: Mapping[str, str] | 
     surface : any height map; its own attributes are stored with it.
     path : ends in .nc.
     attributes : provenance (see `specularia.provenance.record`) to add.
+    layers : more variables by name: dimensions, values, attributes.
     """
     import xarray as xr
 
     path = Path(path)
-    variables = {
+    variables: dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, str]]] = {
         "height_um": (("y", "x"), surface.heights_um, {"units": "um", "long_name": "height out of the glass"})
     }
     for key, (units, meaning) in _LAYERS.items():
@@ -48,6 +55,7 @@ def write(surface: HeightMap, path: str | Path, attributes: Mapping[str, str] | 
                 np.asarray(layer, np.float32),
                 {"units": units, "long_name": meaning},
             )
+    variables.update(layers or {})
     coordinates = {
         "x": ("x", surface.x_um, {"units": "um", "long_name": "along columns"}),
         "y": ("y", surface.y_um, {"units": "um", "long_name": "along rows, row 0 lowest"}),

@@ -1,8 +1,8 @@
 """What is left of the original surface between the pits.
 
-Two things tell a plateau. It is smooth, so its slopes crowd around those of the original surface, while slopes
-of pits take all values and directions: in the plane of slopes (dz/dx, dz/dy) plateaux are a small dense heap
-on a wide thin ground. And it lies on top: decay only takes away. Method: ours.
+Two things tell a plateau. It is smooth, so its slopes crowd around those of the original surface, while
+slopes of pits take all values and directions: in the plane of slopes (dz/dx, dz/dy) plateaux are a small
+dense heap on a wide thin ground. And it lies on top: decay only takes away. Method: ours.
 """
 
 from __future__ import annotations
@@ -21,6 +21,8 @@ _SMOOTHING_PX = (1.0, 1.5, 2.0, 3.0, 4.0)
 _CROWD = 0.02
 """Share of all pixels that the densest heap of slopes is looked for with."""
 _ROUNDS = 25
+_FEW = 0.01
+_CALMEST = 0.15
 _NARROW = 0.04
 _REACH = 3.5
 """Half width of the heap in its own standard deviations."""
@@ -42,7 +44,8 @@ def noise_of(h: Array, near: Mask | None = None) -> float:
 def seeds(h: Array, valid: Mask, *, pitch: tuple[float, float], noise: float) -> Mask:
     """Pixels whose slope is that of the plateaux, without specks.
 
-    Slopes are Gaussian derivatives, of the smallest smoothing that brings the noise below the width of the heap.
+    Slopes are Gaussian derivatives, of the smallest smoothing that brings the noise below the width of the
+    heap.
 
     Parameters
     ----------
@@ -53,7 +56,7 @@ def seeds(h: Array, valid: Mask, *, pitch: tuple[float, float], noise: float) ->
     """
     from scipy.ndimage import gaussian_filter
 
-    found = valid
+    found, gx, gy = valid, h, h
     for s in _SMOOTHING_PX:
         gx = gaussian_filter(h, s, order=(0, 1)) / pitch[1]
         gy = gaussian_filter(h, s, order=(1, 0)) / pitch[0]
@@ -63,6 +66,11 @@ def seeds(h: Array, valid: Mask, *, pitch: tuple[float, float], noise: float) ->
         found = without_specks(heap.holds(gx, gy) & valid, max(9, round(4.0 * s * s)))
         if chance < 0.7 * heap.width:
             break
+    if found.mean() < _FEW:
+        # No heap stands out: the calmest pixels have to do, and the field will tell which of them lie on top.
+        steepness = np.hypot(gx - np.median(gx[valid]), gy - np.median(gy[valid]))
+        calm = (steepness <= np.quantile(steepness[valid], _CALMEST)) & valid
+        found = without_specks(calm, 9)
     return found
 
 
@@ -118,12 +126,14 @@ class Slopes:
     gx, gy : [rows, columns].
     smoothing : standard deviation of the Gaussian, pixels.
     tolerance : difference of slopes from which a pixel does not go the field's way.
+    chance : standard deviation of slopes by noise alone.
     """
 
     gx: Array
     gy: Array
     smoothing: float
     tolerance: float
+    chance: float
     pitch: tuple[float, float]
 
     @classmethod
@@ -138,12 +148,28 @@ class Slopes:
                 break
         gx = gaussian_filter(h, s, order=(0, 1)) / pitch[1]
         gy = gaussian_filter(h, s, order=(1, 0)) / pitch[0]
-        return cls(gx, gy, s, max(chance, finest), pitch)
+        return cls(gx, gy, s, max(chance, finest), chance / 4.0, pitch)
 
     def agrees(self, base: Array) -> Mask:
         """True where the slopes are those of a smooth field, within the tolerance."""
         by, bx = np.gradient(base, *self.pitch)
         return np.asarray(np.hypot(self.gx - bx, self.gy - by) < self.tolerance)
+
+    def anisotropy(self, plateau: Mask) -> tuple[float, float]:
+        """How much longer than wide the plateaux' slopes lie (1 to 4), and the long axis from x, radians."""
+        gx, gy = self.gx[plateau], self.gy[plateau]
+        if gx.size < 100:
+            return 1.0, 0.0
+        # Walls caught by a plateau's edge have outlying slopes.
+        middle = np.median(gx), np.median(gy)
+        far = np.hypot(gx - middle[0], gy - middle[1])
+        inside = far < 4.0 * np.median(far)
+        spread = np.cov(gx[inside], gy[inside]) - self.chance**2 * np.eye(2)
+        sizes, axes = np.linalg.eigh(spread)
+        if sizes[1] <= self.chance**2:
+            return 1.0, 0.0
+        ratio = float(np.sqrt(sizes[1] / max(sizes[0], sizes[1] / 16.0)))
+        return ratio, float(np.arctan2(axes[1, 1], axes[0, 1]))
 
 
 def _heap(gx: Array, gy: Array) -> _Heap:

@@ -1,10 +1,10 @@
 """A smooth Gaussian random field of unknown spectrum, known on a part of its area: what it may be elsewhere.
 
 The field is a sum of cosines and sines on a rectangle a fifth larger than the map (so that opposite edges of
-the map stay apart) and a polynomial of second order. The variances of the amplitudes, its two-dimensional power
-spectrum, are not given: they are drawn together with the field, in turn (Gibbs sampling), as cosmologists do
-for masked maps of the sky. So an anisotropy, such as streaks, is learnt from what is seen of the field, and the
-draws differ by what the data leave open, of the field and of its spectrum.
+the map stay apart) and a polynomial of second order. The variances of the amplitudes, its two-dimensional
+power spectrum, are not given: they are drawn together with the field, in turn (Gibbs sampling), as
+cosmologists do for masked maps of the sky. So an anisotropy, such as streaks, is learnt from what is seen of
+the field, and the draws differ by what the data leave open, of the field and of its spectrum.
 
 References
 ----------
@@ -43,9 +43,10 @@ POLYNOMIALS = 6
 _STEEPNESS = 3.0
 """Spectra are smoothed after division by |q|^-3: between the slopes of most real surfaces' spectra."""
 _KERNEL, _BROAD = 0.6, 3.0
-"""Standard deviations, in steps of the lattice of modes, of the smoothing of spectra; the broad one leans in."""
+"""Standard deviations of the smoothing of spectra, in steps of the lattice; the broad one leans in."""
 _LEANING = 0.1
 _FAINTEST = 1e-10
+_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,9 @@ class Modes:
     @property
     def wavenumber(self) -> Array:
         """[M] waves per um."""
-        return np.hypot(self.kx / (self.period[1] * self.pitch[1]), self.ky / (self.period[0] * self.pitch[0]))
+        return np.hypot(
+            self.kx / (self.period[1] * self.pitch[1]), self.ky / (self.period[0] * self.pitch[0])
+        )
 
 
 @dataclass(frozen=True)
@@ -110,8 +113,10 @@ class Field:
 
 def terms(modes: Modes, rows: Array, columns: Array) -> Array:
     """[n, K] values of all terms of a field at places counted in pixels."""
-    phase = 2.0 * np.pi * (
-        np.outer(columns / modes.period[1], modes.kx) + np.outer(rows / modes.period[0], modes.ky)
+    phase = (
+        2.0
+        * np.pi
+        * (np.outer(columns / modes.period[1], modes.kx) + np.outer(rows / modes.period[0], modes.ky))
     )
     x = 2.0 * columns / max(modes.shape[1] - 1, 1) - 1.0
     y = 2.0 * rows / max(modes.shape[0] - 1, 1) - 1.0
@@ -131,13 +136,17 @@ def left_out(terms: Array, levels: Array, weights: Array, spectrum: Array, *, br
     from scipy.linalg import cholesky, solve_triangular
 
     scale = _scale(spectrum, broad)
-    scaled = terms * scale
-    precision = scaled.T @ (weights[:, None] * scaled)
-    precision[np.diag_indices_from(precision)] += 1.0
+    used = weights > 0.0
+    w = weights[used]
+    scaled = terms[used] * scale
+    precision = scaled.T @ (w[:, None] * scaled)
+    _add_prior(precision)
     lower = cholesky(precision, lower=True, overwrite_a=True, check_finite=False)
     columns = solve_triangular(lower, scaled.T, lower=True, check_finite=False)
-    fitted = columns.T @ (columns @ (weights * levels))
-    leverage = np.minimum(weights * np.sum(columns * columns, axis=0), 1.0 - 1e-6)
+    part = columns @ (w * levels[used])
+    fitted = terms @ (scale * solve_triangular(lower, part, lower=True, trans=1, check_finite=False))
+    leverage = np.zeros(levels.size)
+    leverage[used] = np.minimum(w * np.sum(columns * columns, axis=0), 1.0 - 1e-6)
     return np.asarray((levels - fitted) / (1.0 - leverage))
 
 
@@ -147,7 +156,12 @@ def _axes(shape: tuple[int, int]) -> tuple[Array, Array]:
 
 
 def modes_of(
-    shape: tuple[int, int], pitch: tuple[float, float], *, count: int, stretch: float = 1.0, angle: float = 0.0
+    shape: tuple[int, int],
+    pitch: tuple[float, float],
+    *,
+    count: int,
+    stretch: float = 1.0,
+    angle: float = 0.0,
 ) -> Modes:
     """The waves of smallest wavenumber, about `count` cosines and sines.
 
@@ -176,8 +190,8 @@ def modes_of(
 def normal(modes: Modes, heights: Array, weights: Array) -> Normal:
     """Sums over pixels of weight x term x term, and of weight x term x height.
 
-    The products of two waves are waves of their sum and difference, so all sums over the map are values of the
-    Fourier transform of the weights.
+    The products of two waves are waves of their sum and difference, so all sums over the map are values of
+    the Fourier transform of the weights.
     """
     from scipy.fft import fft2
 
@@ -256,16 +270,22 @@ def _scale(spectrum: Array, broad: float) -> Array:
     return np.sqrt(np.concatenate([spectrum, spectrum, np.full(POLYNOMIALS, broad**2)]))
 
 
+def _add_prior(precision: Array) -> None:
+    """The prior's precision, 1 in units of itself, and a trace that keeps the matrix regular when rounded."""
+    diagonal = np.diag_indices_from(precision)
+    precision[diagonal] += 1.0 + _ROUNDING * precision[diagonal].max()
+
+
 def _factor(equations: Normal, spectrum: Array, broad: float, cholesky: object) -> tuple[Array, Array]:
     """Prior standard deviations and the lower Cholesky factor of the precision in units of them."""
     scale = _scale(spectrum, broad)
     precision = scale[:, None] * equations.matrix * scale[None, :]
-    precision[np.diag_indices_from(precision)] += 1.0
+    _add_prior(precision)
     return scale, cholesky(precision, lower=True, overwrite_a=True, check_finite=False)  # type: ignore[operator]
 
 
 def spread(equations: Normal, spectrum: Array, *, broad: float, terms: Array) -> Array:
-    """[n] posterior standard deviation of the field where `terms` [n, K] were evaluated, given the spectrum."""
+    """[n] posterior standard deviation of the field where `terms` [n, K] are, given the spectrum."""
     from scipy.linalg import cholesky, solve_triangular
 
     scale, lower = _factor(equations, spectrum, broad, cholesky)
@@ -276,8 +296,8 @@ def spread(equations: Normal, spectrum: Array, *, broad: float, terms: Array) ->
 def spectrum_of(modes: Modes, coefficients: Array, rng: np.random.Generator | None) -> Array:
     """A spectrum that may have made these amplitudes: their squares smoothed over neighbouring waves.
 
-    With rng it is a draw: the smoothed squares over equally smoothed squares of standard normal numbers, which
-    is the law of a variance known from so few amplitudes (scaled inverse chi-squared).
+    With rng it is a draw: the smoothed squares over equally smoothed squares of standard normal numbers,
+    which is the law of a variance known from so few amplitudes (scaled inverse chi-squared).
     """
     count = modes.kx.size
     steep = modes.wavenumber**_STEEPNESS

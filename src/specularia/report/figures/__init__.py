@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from specularia.report.figures.curves import sections, tau_curves
+from specularia.report.figures.cutoff import cutoff
 from specularia.report.figures.distribution import dsf, measured_dsf, ratio_map
 from specularia.report.figures.finds import finds_by_colour, finds_on_plan
+from specularia.report.figures.healing import healed
 from specularia.report.figures.luminance import luminance_maps
 from specularia.report.figures.surfaces import height_maps, micrographs
 
 __all__ = [
+    "cutoff",
     "dsf",
     "finds_by_colour",
     "finds_on_plan",
+    "healed",
     "height_maps",
     "luminance_maps",
     "measured_dsf",
