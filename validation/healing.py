@@ -2,8 +2,9 @@
 
 Run:  python validation/healing.py curve | twins | speed | figure | table   (results are kept in --folder)
 
-`curve`: heights with the noise of a microscope, coverage from 10 to 95 %. `twins`: 20 whole twins, focus stacks
-reconstructed, both faces healed, the pane traced with the members. `table` prints both. Half an hour on one core.
+`curve`: heights with the noise of a microscope, coverage from 10 to 95 %. `twins`: 20 whole twins, focus
+stacks reconstructed, both faces healed, the pane traced with the members. `table` prints both. Half an hour
+on one core.
 """
 
 from __future__ import annotations

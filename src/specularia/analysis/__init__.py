@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from specularia.analysis.cutoff import Cutoff, LobeWidth, cutoff, lobe_width, ray_limit_um, tau_of_paths
-from specularia.analysis.healed import HealedPane, healed_pane
+from specularia.analysis.healed import HealedPane, healed_pane, member_slab
 from specularia.analysis.transmission import (
     CLEAR_SLAB,
     MEASURED,
@@ -26,6 +26,7 @@ __all__ = [
     "healed_pane",
     "lobe_width",
     "measured_tau",
+    "member_slab",
     "ray_limit_um",
     "table_1",
     "tau_of_paths",

@@ -17,7 +17,7 @@ from specularia.progress import task
 from specularia.surface import HeightMap, roughness
 from specularia.surface.healing import interval_90
 
-__all__ = ["HealedPane", "healed_pane"]
+__all__ = ["HealedPane", "healed_pane", "member_slab"]
 
 Array = NDArray[np.float64]
 
