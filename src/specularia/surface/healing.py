@@ -130,6 +130,8 @@ def heal(
         )
     if method not in METHODS:
         raise PhysicsError(f"healing by one of {', '.join(METHODS)}, not by {method!r}.")
+    from threadpoolctl import threadpool_limits
+
     whole, _ = filled(surface)
     c, a, b = plane(whole)
     trend = c + a * whole.x_um[None, :] + b * whole.y_um[:, None]
@@ -151,8 +153,11 @@ def heal(
             parameters={"method": method, **used},
             method=method,
         )
-    found = _find(surface, h, pitch)
-    return _drawn(surface, whole, trend, h, found, before, ensemble, np.random.default_rng(seed), seed)
+    # One thread of linear algebra: sums then have one order, so the same seed gives the same surface on any
+    # number of cores, and on a busy machine threads that wait for each other would cost many times the work.
+    with threadpool_limits(limits=1, user_api="blas"):
+        found = _find(surface, h, pitch)
+        return _drawn(surface, whole, trend, h, found, before, ensemble, np.random.default_rng(seed), seed)
 
 
 @dataclass(frozen=True)
@@ -189,11 +194,7 @@ def _find(surface: HeightMap, h: Array, pitch: tuple[float, float]) -> _Found:
     for _ in range(_STEPS):
         data = _inner(kept)
         equations = random_field.normal(many, h, data / max(noise, scatter) ** 2)
-        rng = np.random.default_rng(0)
-        for _ in range(3):
-            mean, one = random_field.solve(equations, spectrum, broad=broad, rng=rng)
-            spectrum = random_field.spectrum_of(many, one, None)
-        mean, _ = random_field.solve(equations, spectrum, broad=broad, rng=None)
+        mean, spectrum = random_field.learn(equations, many, spectrum, broad=broad, rounds=3)
         fitted = random_field.Field(many, mean)
         base = fitted.heights()
         sd = _spread(fitted, equations, spectrum, broad)
@@ -359,7 +360,11 @@ def interval_90(values: Array) -> tuple[float, float]:
 
 
 def _spread(
-    fitted: random_field.Field, equations: random_field.Normal, spectrum: Array, broad: float
+    fitted: random_field.Field,
+    equations: random_field.Normal,
+    spectrum: Array,
+    broad: float,
+    means: Array | None = None,
 ) -> Array:
     """Standard deviation of the field at every pixel, linear between coarse places."""
     from scipy.ndimage import zoom
@@ -367,12 +372,10 @@ def _spread(
     rows, columns = fitted.modes.shape
     ny, nx = min(_COARSE, rows), min(_COARSE, columns)
     y, x = np.meshgrid(np.linspace(0, rows - 1, ny), np.linspace(0, columns - 1, nx), indexing="ij")
-    sd = random_field.spread(
-        equations,
-        spectrum,
-        broad=broad,
-        terms=random_field.terms(fitted.modes, y.ravel().astype(float), x.ravel().astype(float)),
-    )
+    terms = random_field.terms(fitted.modes, y.ravel().astype(float), x.ravel().astype(float))
+    sd = random_field.spread(equations, spectrum, broad=broad, terms=terms)
+    if means is not None:
+        sd = np.sqrt(sd**2 + np.var(terms @ means.T, axis=1, ddof=1))
     return np.asarray(zoom(sd.reshape(ny, nx), (rows / ny, columns / nx), order=1, grid_mode=False))
 
 
@@ -399,7 +402,8 @@ def _drawn(
         spectrum=found.spectrum,
     )
     best = random_field.Field(modes, np.mean(means, axis=0))
-    sd = _spread(best, found.equations, spectrum, found.broad)
+    # Variance given the spectrum, and of what different spectra make most probable.
+    sd = _spread(best, found.equations, spectrum, found.broad, np.array(means))
     healed = replace(whole, heights_um=best.heights() + trend, sigma_um=sd)
     members = np.empty((ensemble, *surface.shape), np.float32)
     slopes = []

@@ -26,6 +26,7 @@ __all__ = [
     "Normal",
     "draw",
     "first_spectrum",
+    "learn",
     "left_out",
     "modes_of",
     "normal",
@@ -265,6 +266,33 @@ def solve(
     return out[:, 0], out[:, 1]
 
 
+def learn(
+    equations: Normal, modes: Modes, spectrum: Array, *, broad: float, rounds: int
+) -> tuple[Array, Array]:
+    """The spectrum that the data favour, from this one on, by expectation and maximisation.
+
+    The expected square of an amplitude is that of its mean plus its variance, so amplitudes that the data say
+    nothing of keep the variance that they had.
+
+    Returns
+    -------
+    coefficients : [K] most probable ones under the last spectrum.
+    spectrum : [M].
+    """
+    from scipy.linalg import cholesky, lapack, solve_triangular
+
+    count = modes.kx.size
+    for turn in range(rounds + 1):
+        scale, lower = _factor(equations, spectrum, broad, cholesky)
+        part = solve_triangular(lower, scale * equations.right, lower=True, check_finite=False)
+        mean = scale * solve_triangular(lower, part, lower=True, trans=1, check_finite=False)
+        if turn < rounds:
+            variance = scale**2 * np.diag(lapack.dpotri(lower, lower=1)[0])
+            square = mean * mean + variance
+            spectrum = _smoothed(modes, 0.5 * (square[:count] + square[count : 2 * count]), None)
+    return mean, spectrum
+
+
 def _scale(spectrum: Array, broad: float) -> Array:
     """[K] prior standard deviations of all coefficients."""
     return np.sqrt(np.concatenate([spectrum, spectrum, np.full(POLYNOMIALS, broad**2)]))
@@ -300,10 +328,16 @@ def spectrum_of(modes: Modes, coefficients: Array, rng: np.random.Generator | No
     which is the law of a variance known from so few amplitudes (scaled inverse chi-squared).
     """
     count = modes.kx.size
+    a, b = coefficients[:count], coefficients[count : 2 * count]
+    return _smoothed(modes, 0.5 * (a * a + b * b), rng)
+
+
+def _smoothed(modes: Modes, square: Array, rng: np.random.Generator | None) -> Array:
+    """Squares of amplitudes smoothed over neighbouring waves; with rng over equally smoothed chance."""
+    count = modes.kx.size
     steep = modes.wavenumber**_STEEPNESS
     steep = steep / steep.mean()
-    a, b = coefficients[:count], coefficients[count : 2 * count]
-    square = 0.5 * (a * a + b * b) * steep
+    square = square * steep
     lean = _smooth(modes, square, _BROAD)
     held = (1.0 - _LEANING) * _smooth(modes, square, _KERNEL) + _LEANING * lean
     if rng is not None:
@@ -336,8 +370,8 @@ def draw(
     broad: float,
     members: int,
     rng: np.random.Generator,
-    burn_in: int = 12,
-    thin: int = 2,
+    burn_in: int = 16,
+    thin: int = 3,
     spectrum: Array | None = None,
 ) -> tuple[list[Array], list[Array], Array]:
     """Fields and spectra that agree with the data, drawn in turn.
