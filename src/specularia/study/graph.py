@@ -168,10 +168,11 @@ def _healed(job: StudyJob, seed: int) -> list[Stage]:
             healed.model_h,
             needs=tuple(s.name for s in stages),
             parameters={
-                **job.trace.model_dump(exclude={"seed"}),
+                "paths": job.healing.model_paths or job.trace.paths,
+                "wavelength_nm": job.trace.wavelength_nm,
                 "seed": seed,
                 "tiling": job.surface.tiling,
-                "interval": job.healing.model_dump(exclude={"ensemble"}),
+                "interval": job.healing.model_dump(include={"theta_deg", "paths"}),
                 **job.xml.model_dump(),
             },
             inputs={"settings": (job.glass.settings,), "named": slab.sources},

@@ -151,7 +151,9 @@ class HealingOptions(Job):
     theta_deg: Annotated[tuple[Polar, ...], Field(min_length=1)] = (0.0, 20.0, 40.0, 60.0)
     """Angles of incidence of the interval."""
     paths: Annotated[int, Field(ge=1000)] = 50_000
-    """Traced per member and angle of the interval; the model itself takes those of [trace]."""
+    """Traced per member and angle of the interval."""
+    model_paths: Annotated[int, Field(ge=1000)] | None = None
+    """Per incident direction and side of Model H; those of [trace] if left out."""
 
 
 class XmlOptions(Job):

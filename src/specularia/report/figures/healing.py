@@ -66,7 +66,7 @@ def healed(
     extent = (0.0, width, 0.0, given.shape[0] * given.pitch_y_um)
     shared = np.concatenate([v.ravel()[::7] for v in relief.values()])
     low, high = np.quantile(shared, [0.001, 0.999])
-    panel_height = 2.3 * given.field_um[1] / given.field_um[0] + 0.6
+    panel_height = 1.75 * given.field_um[1] / given.field_um[0] + 0.75
     with style.canvas(2.75 * columns, panel_height * rows) as figure:
         panels = list(figure.subplots(rows, columns, squeeze=False).ravel())
         drop = _reduced(given.heights_um - trend)
