@@ -188,7 +188,9 @@ def _find(surface: HeightMap, h: Array, pitch: tuple[float, float]) -> _Found:
     kept = _on_top(h, seeds, pitch, noise, broad)
     slope = Slopes.of(h, pitch=pitch, noise=noise)
     stretch, angle = slope.anisotropy(_inner(kept))
-    many = random_field.modes_of(surface.shape, pitch, count=_MANY, stretch=stretch, angle=angle)
+    many = random_field.modes_of(
+        surface.shape, pitch, count=min(_MANY, h.size // 25), stretch=stretch, angle=angle
+    )
     spectrum = random_field.first_spectrum(many, height_um=max(_spread_of(h[kept]), noise))
     scatter, base = noise, h
     for _ in range(_STEPS):
@@ -201,6 +203,9 @@ def _find(surface: HeightMap, h: Array, pitch: tuple[float, float]) -> _Found:
         residual = (h - base)[data]
         scatter = max(noise, 1.4826 * float(np.median(np.abs(residual)))) if residual.size else noise
         new = _judged(h, base, valid, scatter, np.minimum(sd, 2.0 * scatter), slope)
+        if new.mean() < _LEAST_PLATEAU:
+            kept = new
+            break
         new &= _on_top(h, new, pitch, noise, broad)
         settled = np.mean(new != kept) < 0.0005
         kept = new
@@ -253,6 +258,8 @@ def _on_top(h: Array, seeds: Mask, pitch: tuple[float, float], noise: float, bro
     (leave one out). What so few waves cannot follow counts as scatter of the patches, so it does not bend
     them.
     """
+    if not seeds.any():
+        return seeds
     shape = (h.shape[0], h.shape[1])
     parts, count = _patches(seeds)
     sizes = np.bincount(parts.ravel(), minlength=count).astype(float)[1:]
