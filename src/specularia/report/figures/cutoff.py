@@ -48,9 +48,9 @@ def cutoff(found: Cutoff, path: str | Path, *, synthetic: bool = False) -> Path:
                 x, 100 * found.beyond[:, k], line, color="#1a1a1a", marker="o", markersize=2.5, label=name
             )
         panels[0].set_ylabel("transmission (band: ± 2 s.e.)")
-        panels[1].set_ylabel("FWHM of the lobe (°), dotted: across")
+        panels[1].set_ylabel("FWHM (°), dotted: across")
         panels[1].set_ylim(bottom=0)
-        panels[2].set_ylabel("slope variance in shorter waves (%)")
+        panels[2].set_ylabel("slope variance beyond (%)")
         panels[2].set_ylim(0, 102)
         for k, panel in enumerate(panels):
             panel.set_xscale("log")
@@ -69,6 +69,8 @@ def cutoff(found: Cutoff, path: str | Path, *, synthetic: bool = False) -> Path:
             xytext=(-3, 0),
             textcoords="offset points",
             ha="right",
+            va="bottom",
+            rotation=90,
             fontsize=6.5,
             color="#8c2d04",
         )
