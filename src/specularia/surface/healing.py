@@ -110,8 +110,7 @@ def heal(
 
     Parameters
     ----------
-    surface : a map (no profile), at least 32 pixels each way, at most 20 % missing. Its `image`, if any,
-        helps to tell plateaux from walls where it does tell them apart.
+    surface : a map (no profile), at least 32 pixels each way, at most 20 % missing.
     method : "field", or for comparison one of the simple ones: "flat", the plane on which the plateaux lie;
         "gaussian", the robust Gaussian regression of ISO 16610-71; "closing", a morphological closing that
         bridges pits (ISO 16610-85).
