@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, cast
 
 import typer
 
-from specularia.cli._common import Json, Quiet, emit, session, table
+from specularia.cli._common import Json, Quiet, Seed, emit, numbers, session, table
 
 app = typer.Typer(no_args_is_help=True, help="Height maps: what they hold, from focus stacks, healed.")
 
@@ -284,32 +284,140 @@ def heal(
     output: Output,
     pitch: Pitch = None,
     unit: Unit = None,
+    method: Annotated[
+        str,
+        typer.Option(
+            "--method",
+            metavar="field|flat|gaussian|closing",
+            help="field, or for comparison a plane, ISO 16610-71, a morphological closing.",
+        ),
+    ] = "field",
+    ensemble: Annotated[
+        int, typer.Option("--ensemble", min=0, max=1000, help="Possible original surfaces to draw.")
+    ] = 12,
+    seed: Seed = 0,
+    reach: Annotated[
+        float | None,
+        typer.Option("--reach", min=0.0, help="Cut-off of gaussian, radius of closing, um; from the map."),
+    ] = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """The surface without its deterioration: pits found and bridged from the plateaux around them."""
+    """The surface without its deterioration, and an ensemble of what it may have been.
+
+    Plateaux between the pits are found and a random field is drawn through them. The file holds the most
+    probable surface, the members, and masks of the pits and of places without evidence.
+    """
     from specularia import provenance, surface
     from specularia.files import writable
+    from specularia.surface.healing import Method
 
+    if method not in surface.METHODS:
+        raise typer.BadParameter(f"is one of {', '.join(surface.METHODS)}", param_hint="--method")
     with session(quiet=quiet):
         writable(output)
         given = surface.read(path, pitch_um=pitch, unit=unit)
-        healed = surface.heal(given)
+        healed = surface.heal(
+            given, method=cast(Method, method), ensemble=ensemble, seed=seed, reach_um=reach or None
+        )
         source = provenance.record(
             what=f"healed height map of {path.name}",
             inputs=[path],
             parameters=healed.parameters,
+            seed=seed,
             synthetic="synthetic" in given.attributes,
         )
-        surface.write(healed.surface, output, source)
+        surface.write_healed(healed, output, source)
     payload = {
+        "method": healed.method,
         "pit_coverage": healed.pit_coverage,
         "Sdq_before": healed.Sdq_before,
         "Sdq_after": healed.Sdq_after,
+        "Sdq_members_90": healed.Sdq_interval,
+        "no_evidence": healed.no_evidence_share,
+        "members": len(healed.members),
         "parameters": healed.parameters,
     }
     lines = [
         f"{output}: pits cover {healed.pit_coverage:.1%} of the surface",
         f"rms slope Sdq {healed.Sdq_before:.4g} before, {healed.Sdq_after:.4g} after",
+    ]
+    if healed.Sdq_interval is not None:
+        low, high = healed.Sdq_interval
+        lines.append(f"{len(healed.members)} possible surfaces: rms slope {low:.4g} to {high:.4g} (90 %)")
+    if healed.method == "field":
+        lines.append(f"without evidence of the original height: {healed.no_evidence_share:.1%}")
+    emit(payload, as_json=as_json, lines=lines)
+
+
+@app.command()
+def cutoff(
+    path: Map,
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for the figure and its numbers.")
+    ],
+    back: Annotated[
+        Path | None, typer.Option("--back", metavar="MAP", help="Map of the other face; flat if left out.")
+    ] = None,
+    theta: Annotated[str, typer.Option("--theta", help="Angles of incidence, degrees.")] = "0,60",
+    cutoffs: Annotated[
+        str | None, typer.Option("--cutoffs", help="Cut-off wavelengths in um; a ladder if left out.")
+    ] = None,
+    index: Annotated[float, typer.Option("--index", min=1.0, max=3.0, help="Refractive index.")] = 1.52,
+    thickness: Annotated[float, typer.Option("--thickness", help="Of the pane, mm.")] = 3.0,
+    wavelength: Annotated[float, typer.Option("--wavelength", help="Of the light, nm.")] = 520.0,
+    paths: Annotated[int, typer.Option("--paths", min=1000, help="Per angle and cut-off.")] = 200_000,
+    seed: Seed = 0,
+    pitch: Pitch = None,
+    unit: Unit = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Transmission and lobe width over the low-pass cut-off of the relief, with the limit of rays marked."""
+    from specularia import analysis, surface
+    from specularia.files import make_folder
+    from specularia.report import figures
+
+    angles = numbers(theta, option="--theta")
+    steps = None if cutoffs is None else numbers(cutoffs, option="--cutoffs")
+    with session(quiet=quiet):
+        front = surface.read(path, pitch_um=pitch, unit=unit)
+        other = None if back is None else surface.read(back, pitch_um=pitch, unit=unit)
+        make_folder(output)
+        found = analysis.cutoff(
+            front,
+            other,
+            cutoffs_um=steps,
+            theta_deg=angles,
+            index=index,
+            thickness_mm=thickness,
+            paths=paths,
+            seed=seed,
+            wavelength_nm=wavelength,
+        )
+        synthetic = any("synthetic" in m.attributes for m in (front, other) if m is not None)
+        picture = figures.cutoff(found, output / "cutoff.png", synthetic=synthetic)
+    payload = {
+        **found.payload(),
+        "figure": str(picture.resolve()),
+        "numbers": str(picture.with_suffix(".csv").resolve()),
+    }
+    header = ["cut-off (um)", *(f"Sdq {f}" for f in found.faces), *(f"beyond {f}" for f in found.faces)]
+    header += [f"{what} at {t:g}" for t in found.theta_deg for what in ("tau", "FWHM")]
+    rows = []
+    for i, step in enumerate(found.cutoff_um):
+        row: list[object] = [
+            float(step) if step else "none",
+            *map(float, found.Sdq[i]),
+            *map(float, found.beyond[i]),
+        ]
+        for j in range(found.theta_deg.size):
+            row += [float(found.tau[i, j]), float(found.fwhm_deg[i, j])]
+        rows.append(row)
+    shares = ", ".join(f"{f} {b:.1%}" for f, b in zip(found.faces, found.beyond_limit))
+    lines = [
+        *table(header, rows),
+        f"rays are wrong for waves below {found.limit_um:.3g} um; slope variance there: {shares}",
+        f"figure: {picture}",
     ]
     emit(payload, as_json=as_json, lines=lines)

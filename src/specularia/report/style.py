@@ -47,6 +47,7 @@ COLOURS: Final = {
     "measured": "#1a1a1a",
     "M": "#0b6fa4",
     "C": "#d1611e",
+    "H": "#2a8f6d",
     "clear slab": "#7a7a7a",
 }
 """Colours of the series that recur through the figures; Okabe and Ito's blue and vermilion, darkened."""

@@ -12,7 +12,7 @@ from specularia.jobs import load_toml
 from specularia.study.engine import Stage
 from specularia.study.job import StudyJob
 from specularia.study.sources import TWIN, Sources, files_named_by
-from specularia.study.stages import comparison, finds, measured, models, report, room, surfaces
+from specularia.study.stages import comparison, finds, healed, measured, models, report, room, surfaces
 from specularia.study.stages import twin as twins
 from specularia.twin import TwinSettings
 
@@ -59,8 +59,10 @@ def stages_of(job: StudyJob, file: Path, *, seed: int | None = None) -> list[Sta
         stages += _faces(job, sources)
     if job.glass:
         stages.append(_model_c(job, seed))
+    if job.healing:
+        stages += _healed(job, seed)
     names = [s.name for s in stages]
-    made = tuple(n for n in ("model_m", "model_c") if n in names)
+    made = tuple(n for n in ("model_m", "model_c", "model_h") if n in names)
     if made:
         tabled = (*(n for n in ("measured",) if n in names), *made)
         stages.append(Stage("table_1", comparison.table_1, needs=tabled, parameters=_clear_slab(job)))
@@ -143,6 +145,39 @@ def _model_c(job: StudyJob, seed: int) -> Stage:
         },
         inputs={"settings": (job.glass.settings,), "named": slab.sources},
     )
+
+
+def _healed(job: StudyJob, seed: int) -> list[Stage]:
+    """A stage for each face that is healed, and the model of the pane between them."""
+    assert job.glass is not None and job.surface is not None and job.healing is not None
+    slab = read_slab(job.glass.settings)
+    given = [face for face in FACES if getattr(job.surface, face) is not None]
+    stages = [
+        Stage(
+            f"healed_{face}",
+            healed.healed,
+            needs=(f"heights_{face}",),
+            parameters={"face": face, "ensemble": job.healing.ensemble, "seed": seed + k},
+        )
+        for k, face in enumerate(given)
+    ]
+    return [
+        *stages,
+        Stage(
+            "model_h",
+            healed.model_h,
+            needs=tuple(s.name for s in stages),
+            parameters={
+                "paths": job.healing.model_paths or job.trace.paths,
+                "wavelength_nm": job.trace.wavelength_nm,
+                "seed": seed,
+                "tiling": job.surface.tiling,
+                "interval": job.healing.model_dump(include={"theta_deg", "paths"}),
+                **job.xml.model_dump(),
+            },
+            inputs={"settings": (job.glass.settings,), "named": slab.sources},
+        ),
+    ]
 
 
 def _clear_slab(job: StudyJob) -> dict[str, Any]:

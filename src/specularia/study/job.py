@@ -23,7 +23,10 @@ stand for several files. A complete example::
     paths = 200000
     seed = 1
 
-    [xml]                              # Radiance files of both models
+    [healing]                          # the pane as it may have been -> Model H
+    ensemble = 8                       # possible original surfaces of each face
+
+    [xml]                              # Radiance files of the models
     resolution = 6
 
     [room]
@@ -51,6 +54,7 @@ __all__ = [
     "FindsFiles",
     "GlassFile",
     "GonioFiles",
+    "HealingOptions",
     "ReportOptions",
     "RoomFile",
     "StudyJob",
@@ -139,6 +143,19 @@ class TraceOptions(Job):
     """Of the traced paths."""
 
 
+class HealingOptions(Job):
+    """[healing]: the faces without their decay, and Model H traced through them."""
+
+    ensemble: Annotated[int, Field(ge=3, le=200)] = 8
+    """Possible original surfaces of each face; the interval comes from them."""
+    theta_deg: Annotated[tuple[Polar, ...], Field(min_length=1)] = (0.0, 20.0, 40.0, 60.0)
+    """Angles of incidence of the interval."""
+    paths: Annotated[int, Field(ge=1000)] = 50_000
+    """Traced per member and angle of the interval."""
+    model_paths: Annotated[int, Field(ge=1000)] | None = None
+    """Per incident direction and side of Model H; those of [trace] if left out."""
+
+
 class XmlOptions(Job):
     """[xml]: the Radiance files of the models."""
 
@@ -182,6 +199,7 @@ class StudyJob(Job):
     surface: SurfaceFiles | None = None
     glass: GlassFile | None = None
     trace: TraceOptions = TraceOptions()
+    healing: HealingOptions | None = None
     xml: XmlOptions = XmlOptions()
     room: RoomFile | None = None
     finds: FindsFiles | None = None
@@ -191,6 +209,8 @@ class StudyJob(Job):
     def _something_to_do(self) -> StudyJob:
         if not (self.gonio or self.surface or self.glass or self.finds):
             raise ValueError("something to do: one of the tables [gonio], [surface], [glass], [finds]")
+        if self.healing and not (self.surface and self.glass):
+            raise ValueError("[surface] and [glass] for [healing]: faces to heal and the glass between them")
         if self.room and not (self.gonio or self.glass):
             raise ValueError("a model to put into the room: [gonio] for Model M or [glass] for Model C")
         return self

@@ -219,7 +219,13 @@ def _text(found: _Found, unknown: Sequence[Path], written: set[str]) -> str:
         "wavelength_nm = 520.0        # of the traced light\n"
         "paths = 200000               # per incident direction\n"
         "seed = 1",
-        "[xml]                        # the Radiance files of both models\n"
+        "# The pane as it may have been before decay -> Model H; needs [surface] and [glass].\n"
+        + section(
+            "healing",
+            ["ensemble = 8                 # possible original surfaces of each face"],
+            bool(kinds["stack"] or kinds["map"]) and bool(kinds["glass"]),
+        ),
+        "[xml]                        # the Radiance files of the models\n"
         "resolution = 6               # 5 to 8\n"
         "# cull = 90.0                # percentage of cells to merge; left out: as many as move 1 % of the "
         "light",

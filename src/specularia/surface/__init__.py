@@ -3,8 +3,9 @@
 from specularia.surface.describe import Description, describe
 from specularia.surface.export import MESHES, export, slab_mesh
 from specularia.surface.form import flattened, levelled
-from specularia.surface.healing import Healed, heal
-from specularia.surface.heightmap import FLAGS, HeightMap, filled, level, rms_sigma
+from specularia.surface.healed_file import read_members, write_healed
+from specularia.surface.healing import METHODS, Healed, heal
+from specularia.surface.heightmap import FLAGS, HeightMap, filled, level, plane, rms_sigma
 from specularia.surface.measure import all_in_focus, heights
 from specularia.surface.netcdf import write
 from specularia.surface.readers import check, read
@@ -16,6 +17,7 @@ from specularia.surface.texture import MaterialRatio, SlopeDistribution, Texture
 __all__ = [
     "FLAGS",
     "MESHES",
+    "METHODS",
     "Description",
     "Healed",
     "HeightMap",
@@ -36,8 +38,10 @@ __all__ = [
     "heights",
     "level",
     "levelled",
+    "plane",
     "power_spectrum",
     "read",
+    "read_members",
     "read_stack",
     "rms_sigma",
     "roughness",
@@ -45,4 +49,5 @@ __all__ = [
     "slopes",
     "texture",
     "write",
+    "write_healed",
 ]

@@ -25,7 +25,13 @@ _LAYERS = {
 }
 
 
-def write(surface: HeightMap, path: str | Path, attributes: Mapping[str, str] | None = None) -> Path:
+def write(
+    surface: HeightMap,
+    path: str | Path,
+    attributes: Mapping[str, str] | None = None,
+    *,
+    layers: Mapping[str, tuple[tuple[str, ...], np.ndarray, dict[str, str]]] | None = None,
+) -> Path:
     """Write a height map as netCDF-4: height_um(y, x), and sigma_um, image, reliability where known.
 
     Parameters
@@ -33,11 +39,12 @@ def write(surface: HeightMap, path: str | Path, attributes: Mapping[str, str] | 
     surface : any height map; its own attributes are stored with it.
     path : ends in .nc.
     attributes : provenance (see `specularia.provenance.record`) to add.
+    layers : more variables by name: dimensions, values, attributes.
     """
     import xarray as xr
 
     path = Path(path)
-    variables: dict[str, tuple[tuple[str, str], Any, Mapping[str, object]]] = {
+    variables: dict[str, tuple[tuple[str, ...], Any, Mapping[str, object]]] = {
         "height_um": (("y", "x"), surface.heights_um, {"units": "um", "long_name": "height out of the glass"})
     }
     for key, (units, words) in _LAYERS.items():
@@ -55,6 +62,7 @@ def write(surface: HeightMap, path: str | Path, attributes: Mapping[str, str] | 
             "flag_meanings": " ".join(FLAGS),
         }
         variables["flags"] = (("y", "x"), np.asarray(surface.flags, np.uint8), meaning)
+    variables.update(layers or {})
     coordinates = {
         "x": ("x", surface.x_um, {"units": "um", "long_name": "along columns"}),
         "y": ("y", surface.y_um, {"units": "um", "long_name": "along rows, row 0 lowest"}),

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from specularia.report.figures.curves import sections, tau_curves
+from specularia.report.figures.cutoff import cutoff
 from specularia.report.figures.distribution import dsf, measured_dsf, ratio_map
 from specularia.report.figures.finds import finds_by_colour, finds_on_plan
+from specularia.report.figures.healing import healed
 from specularia.report.figures.luminance import luminance_maps
 from specularia.report.figures.perspective import relief
 from specularia.report.figures.surfaces import height_maps, micrographs
@@ -12,10 +14,12 @@ from specularia.report.figures.texture import abbott_curve, directions, power_sp
 
 __all__ = [
     "abbott_curve",
+    "cutoff",
     "directions",
     "dsf",
     "finds_by_colour",
     "finds_on_plan",
+    "healed",
     "height_maps",
     "luminance_maps",
     "measured_dsf",

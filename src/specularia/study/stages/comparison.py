@@ -115,9 +115,9 @@ def dsf(work: Work) -> Mapping[str, Any]:
         "blocks": [
             figure(
                 picture,
-                f"Differential scattering function of Model {' (top) and Model '.join(models)} at theta_i "
-                f"= {angles} degrees, seen from the front, on one logarithmic scale of five decades. The "
-                "cross marks where undeflected light leaves."
+                f"Differential scattering function, from top to bottom of Model {', '.join(models)}, at "
+                f"theta_i = {angles} degrees, seen from the front, on one logarithmic scale of five decades. "
+                "The cross marks where undeflected light leaves."
                 + (" An angle that was not measured is interpolated by Model M." if "M" in models else ""),
                 synthetic=synthetic,
             ),

@@ -18,11 +18,11 @@ __all__ = ["MODEL", "model_c", "read_models", "write_model"]
 MODEL = "model.nc"
 """Name of the model in the result of a model stage."""
 
-_NAMES = {"model_m": "M", "model_c": "C"}
+_NAMES = {"model_m": "M", "model_c": "C", "model_h": "H"}
 
 
 def read_models(work: Work) -> dict[str, TabulatedModel]:
-    """The models among the results that a stage needs, M before C."""
+    """The models among the results that a stage needs, M before C before H."""
     from specularia import bsdf
 
     return {
