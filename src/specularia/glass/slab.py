@@ -37,7 +37,7 @@ class Geometry(NamedTuple):
 
     Attributes
     ----------
-    relief, layout : see `hierarchy.pack`; row FRONT and row BACK.
+    relief, bounds, layout, quanta : see `hierarchy.pack`; row FRONT and row BACK.
     scale : [2, 6] pixels per um along x and y, mean plane, highest point of the relief above it and lowest
         below it (both >= 0), and the sine of the elevation of its steepest slope.
     outside : [2, 2] index of what lies on each face, 1 for air, and one over it.
@@ -48,7 +48,9 @@ class Geometry(NamedTuple):
     """
 
     relief: NDArray[np.float32]
+    bounds: NDArray[np.uint8]
     layout: NDArray[np.int64]
+    quanta: Array
     scale: Array
     outside: Array
     bubbles: Array
@@ -180,12 +182,14 @@ class Slab:
             # A little more than the truth, since light and slope are compared in rounded numbers.
             slope *= 1.0 + 1e-5
             scale[face, 3:] = relief.max(), -relief.min(), slope / np.hypot(1.0, slope)
-        relief, layout = pack(self.reliefs)
+        relief, bounds, layout, quanta = pack(self.reliefs)
         low, high = self.bulk_mm
         outside = np.array([face.sealant_index or 1.0 for face in (self.front, self.back)])
         return Geometry(
             relief,
+            bounds,
             layout,
+            quanta,
             scale,
             np.column_stack([outside, 1.0 / outside]),
             *bubble_lists.pack(self.all_bubbles),
