@@ -27,6 +27,11 @@ def smooth_map(
 
 def meet_interface(d, e, normal, ratio, polarised, rng):
     """Fresnel by chance for rays d [N, 3] with fields e [N, 3]; (crossed, d, e)."""
+    return meet_interface_at(d, e, normal, ratio, polarised, rng.random(len(d)))[:3]
+
+
+def meet_interface_at(d, e, normal, ratio, polarised, xi):
+    """The same for given random numbers [N]; also the probability of a reflection."""
     normal = np.where((np.sum(d * normal, 1) > 0)[:, None], -normal, normal)
     c = -np.sum(d * normal, 1)
     s = np.cross(d, normal)
@@ -42,7 +47,7 @@ def meet_interface(d, e, normal, ratio, polarised, rng):
         es = ep = np.full(len(d), np.sqrt(0.5), complex)
     share = np.abs(rs * es) ** 2 + np.abs(rp * ep) ** 2
     total = cos_t.real == 0
-    crossed = (rng.random(len(d)) >= share) & ~total
+    crossed = (xi >= share) & ~total
     mirrored = d + 2 * c[:, None] * normal
     refracted = ratio[:, None] * d + (ratio * c - cos_t.real)[:, None] * normal
     new = np.where(crossed[:, None], refracted, mirrored)
@@ -50,7 +55,7 @@ def meet_interface(d, e, normal, ratio, polarised, rng):
     a = np.where(crossed, np.sqrt(1 - np.minimum(np.abs(rs), 1) ** 2), rs) * es
     b = np.where(crossed, np.sqrt(1 - np.minimum(np.abs(rp), 1) ** 2), rp) * ep
     field = a[:, None] * s + b[:, None] * np.cross(new, s)
-    return crossed, new, field / np.linalg.norm(field, axis=1)[:, None]
+    return crossed, new, field / np.linalg.norm(field, axis=1)[:, None], np.where(total, 1.0, share)
 
 
 def incident(theta_deg, phi_deg, count, rng):
@@ -97,14 +102,18 @@ class Relief:
         return np.where(hit, way, np.inf), normal
 
 
-def transmission_of_relief(slab: Slab, *, theta_deg, phi_deg=0.0, paths, seed, polarised, leaving=None):
-    """tau of a clear pane without bubbles for light on the front, and the share of lost paths.
+def transmission_of_relief(
+    slab: Slab, *, theta_deg, phi_deg=0.0, paths, seed, polarised, faces=None, leaving=None
+):
+    """tau of a clear pane without bubbles for light on the front, its standard error, and lost paths.
 
-    `leaving`, a list, gets the directions [K, 3] of transmitted paths.
+    At its first interface light goes both ways, with weights; what is reflected there goes on by chance.
+    `faces` are the pane's reliefs where they have been made before. `leaving`, a list, gets the directions
+    [K, 3] of transmitted paths and their weights [K].
     """
     rng = np.random.default_rng(seed)
     half = 500.0 * slab.thickness_mm
-    faces = [Relief(r.astype(float), p[0]) for r, p in zip(slab.reliefs, slab.pitch_um)]
+    faces = faces or reliefs(slab)
     index = slab.medium.index_at(520.0)
     d, e = incident(theta_deg, phi_deg, paths, rng)
     place = np.zeros((paths, 3))
@@ -113,11 +122,15 @@ def transmission_of_relief(slab: Slab, *, theta_deg, phi_deg=0.0, paths, seed, p
     place[:, 2] = half + faces[0].high + 1.0
     face = np.zeros(paths, int)
     glass = np.zeros(paths, bool)
+    fresh = np.ones(paths, bool)
+    weight = np.ones(paths)
+    owner = np.arange(paths)
     active = np.arange(paths)
-    through = 0
+    score = np.zeros(paths)
     for _ in range(4000):
         if active.size == 0:
             break
+        split = []
         t = np.empty(active.size)
         normal = np.empty((active.size, 3))
         for f, relief in enumerate(faces):
@@ -146,23 +159,45 @@ def transmission_of_relief(slab: Slab, *, theta_deg, phi_deg=0.0, paths, seed, p
             gone = missed & ~sideways
             # Beyond the shell: out of the pane, or across the glass to the other shell.
             outside = gone & ~glass[rays]
-            through += np.sum(outside & (d[rays, 2] < 0))
+            through = rays[outside & (d[rays, 2] < 0)]
+            np.add.at(score, owner[through], weight[through])
             if leaving is not None:
-                leaving.append(d[rays[outside & (d[rays, 2] < 0)]])
+                leaving.append((d[through], weight[through]))
             inside = rays[gone & glass[rays]]
             target = np.where(d[inside, 2] > 0, 0, 1)
             level = np.where(target == 0, half + faces[0].low - 0.5, -half + faces[1].high + 0.5)
             place[inside] += ((level - place[inside, 2]) / d[inside, 2])[:, None] * d[inside]
             face[inside] = target
             hits = rays[~missed]
+            first = fresh[hits]
             ratio = np.where(glass[hits], index, 1 / index)
-            crossed, d[hits], e[hits] = meet_interface(
-                d[hits], e[hits], normal[which][~missed], ratio, polarised, rng
-            )
+            arriving = d[hits], e[hits], normal[which][~missed], ratio, polarised
+            xi = np.where(first, 1.0, rng.random(hits.size))
+            crossed, d[hits], e[hits], share = meet_interface_at(*arriving, xi)
             glass[hits] ^= crossed
             face[rays[outside]] = -1
+            fresh[hits] = False
+            weight[hits[first]] *= 1.0 - share[first]
+            # The reflected branch goes on with probability 4 R, if that is less than 1.
+            keep = first & (rng.random(hits.size) < 4.0 * share)
+            if keep.any():
+                _, back, field, _ = meet_interface_at(*(v[keep] for v in arriving[:4]), polarised, 0.0)
+                branch = np.maximum(share[keep], 0.25)
+                split.append((hits[keep], back, field, branch))
         active = active[face[active] >= 0]
-    return through / paths, active.size / paths
+        for rays, back, field, branch in split:
+            active = np.append(active, np.arange(len(d), len(d) + len(rays)))
+            d, e = np.append(d, back, axis=0), np.append(e, field, axis=0)
+            place = np.append(place, place[rays], axis=0)
+            face, fresh = np.append(face, face[rays]), np.append(fresh, fresh[rays])
+            glass = np.append(glass, ~glass[rays])
+            weight, owner = np.append(weight, branch), np.append(owner, owner[rays])
+    return score.mean(), score.std() / np.sqrt(paths), active.size / paths
+
+
+def reliefs(slab: Slab):
+    """Embree's meshes of both faces."""
+    return [Relief(r.astype(float), p[0]) for r, p in zip(slab.reliefs, slab.pitch_um)]
 
 
 def transmission_of_bubbles(slab: Slab, bubbles: Bubbles, *, theta_deg, paths, seed, polarised):
