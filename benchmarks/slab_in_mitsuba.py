@@ -2,9 +2,9 @@
 
     python benchmarks/slab_in_mitsuba.py FOLDER ENGINE SIZE PATHS
 
-traces the pane of `tracer.py` with maps of SIZE x SIZE pixels in ENGINE, "mitsuba" or "specularia", and prints
-JSON: CPU seconds and tau at each angle, and the largest memory of the process in MB. Mitsuba needs a libLLVM
-(version 19 is known to work), which DRJIT_LIBLLVM_PATH may name.
+traces the pane of `tracer.py` with maps of SIZE x SIZE pixels in ENGINE, "mitsuba" or "specularia". It prints JSON:
+CPU seconds and tau at each angle, and the largest memory of the process in MB. Mitsuba needs a libLLVM (version 19
+is known to work), which DRJIT_LIBLLVM_PATH may name.
 """
 
 from __future__ import annotations

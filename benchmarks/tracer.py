@@ -277,7 +277,7 @@ def embree() -> Lines:
     slab = with_(pane())
     meshes = reliefs(slab)
     batch, wanted = 400_000, 1.95e-4
-    yield "| theta | our tau | se | Embree's tau | se | difference, sigma | L1 of bins | L1 of noise | CPU, s |"
+    yield "| theta | our tau | se | Embree's tau | se | difference / se | L1 of bins | noise | CPU, s |"
     yield "|---|---|---|---|---|---|---|---|---|"
     for theta in (0.0, 20.0, 40.0, 60.0, 82.5):
         start = time.process_time()

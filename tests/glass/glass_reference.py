@@ -85,20 +85,31 @@ class Relief:
         faces = np.concatenate(
             [np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)]
         )
-        self.points = v.reshape(-1, 3)
-        self.faces = faces
         self.scene = EmbreeScene()
-        TriangleMesh(self.scene, self.points[faces].astype(np.float32))
+        TriangleMesh(self.scene, v.reshape(-1, 3)[faces].astype(np.float32))
+        # Planes in double precision, of one period: they stay in the cache.
+        self.heights, self.pitch = h[:ny, :nx].copy(), pitch_um
+        e = np.pad(heights, ((0, 1), (0, 1)), mode="wrap")
+        slopes = [
+            (e[:-1, 1:] - e[:-1, :-1], e[1:, 1:] - e[:-1, 1:]),
+            (e[1:, 1:] - e[1:, :-1], e[1:, :-1] - e[:-1, :-1]),
+        ]
+        n = np.array([np.stack([-gx / pitch_um, -gy / pitch_um, np.ones_like(gx)], -1) for gx, gy in slopes])
+        self.normals = n / np.linalg.norm(n, axis=-1)[..., None]
         self.low, self.high = h.min(), h.max()
 
     def meet(self, o, d):
         """(way, normal); way is infinite where the mesh is missed."""
         found = self.scene.run(o.astype(np.float32), d.astype(np.float32), output=1)
         hit = found["primID"] >= 0
-        corner = self.points[self.faces[np.where(hit, found["primID"], 0)]]
-        normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-        normal /= np.linalg.norm(normal, axis=1)[:, None]
-        way = np.sum((corner[:, 0] - o) * normal, 1) / np.where(hit, np.sum(d * normal, 1), 1.0)
+        ny, nx = self.heights.shape
+        half, cell = np.divmod(np.where(hit, found["primID"], 0), 9 * ny * nx)
+        iy, ix = np.divmod(cell, 3 * nx)
+        normal = self.normals[half, iy % ny, ix % nx]
+        corner = np.stack(
+            [(ix - nx) * self.pitch, (iy - ny) * self.pitch, self.heights[iy % ny, ix % nx]], -1
+        )
+        way = np.sum((corner - o) * normal, 1) / np.where(hit, np.sum(d * normal, 1), 1.0)
         return np.where(hit, way, np.inf), normal
 
 
@@ -107,7 +118,7 @@ def transmission_of_relief(
 ):
     """tau of a clear pane without bubbles for light on the front, its standard error, and lost paths.
 
-    At its first interface light goes both ways, with weights; what is reflected there goes on by chance.
+    At its first interface light goes both ways, with weights.
     `faces` are the pane's reliefs where they have been made before. `leaving`, a list, gets the directions
     [K, 3] of transmitted paths and their weights [K].
     """

@@ -94,9 +94,7 @@ def test_rising_rays_meet_the_relief_or_leave_it_as_trying_all_says():
     while len(found) < 150:
         # From a point of the surface, as after a reflection: first down onto it, then up.
         o = np.array([*rng.random(2) * [10, 9], top])
-        t, ix, iy, plane, gx, gy, x, y = meet_relief(
-            *packed, 0, 0, top, clear, *o, 0.0, 0.0, -1.0, 0, 0, -1
-        )
+        t, ix, iy, plane, gx, gy, x, y = meet_relief(*packed, 0, 0, top, clear, *o, 0.0, 0.0, -1.0, 0, 0, -1)
         d = rng.normal(size=3) * [1, 1, 0.5]
         d /= np.linalg.norm(d)
         if d[2] - gx * d[0] - gy * d[1] <= 0.02 or d[2] < 0.15:

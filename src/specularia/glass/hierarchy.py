@@ -1,8 +1,7 @@
 """Bounds of a relief at several scales, packed with its heights into flat arrays for the tracer.
 
 Time goes into fetching numbers from memory as much as into arithmetic, so bounds are small: single bytes, of
-blocks of 4 x 4, 16 x 16, ... cells. All those of 512 x 512 cells fit into a processor's cache beside the light
-that is on its way.
+blocks of 4 x 4, 16 x 16, ... cells.
 """
 
 from __future__ import annotations

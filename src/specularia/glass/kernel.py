@@ -501,7 +501,8 @@ def meet_interface(nx, ny, nz, dx, dy, dz, ratio, polarised, sx, sy, sz, q, u, v
 
 @nb.njit(fastmath=FAST, error_model="numpy")
 def _path(
-    relief, bounds, layout, quanta, scale, outside, bubbles, first, member, grid, kinds, sizes, patch, light,
+    relief, bounds, layout, quanta, scale, outside, bubbles, first, member, grid, kinds, sizes, patch,
+    light,
     eta, absorption, polarised, face, x, y, dx, dy, dz, sx, sy, number, shift, key,
 ):  # fmt: skip
     """Follow one path from above (or below) the pane until it leaves it.
@@ -710,7 +711,8 @@ def _meet_side(patch, x, y, dx, dy):
 
 @nb.njit(parallel=True, cache=True)
 def trace_kernel(
-    relief, bounds, layout, quanta, scale, outside, bubbles, first, member, grid, kinds, sizes, patch, light,
+    relief, bounds, layout, quanta, scale, outside, bubbles, first, member, grid, kinds, sizes, patch,
+    light,
     eta, absorption, polarised, face, theta, phi, turned, repeat_x, repeat_y, seed, start, per_replicate,
     ux, uy, side, weight, absorbed, way,
 ):  # fmt: skip
@@ -718,8 +720,8 @@ def trace_kernel(
 
     Parameters
     ----------
-    relief, bounds, layout, quanta, scale, outside, bubbles, first, member, grid, kinds, sizes, patch, light : the pane and
-        the light's polarisation, see `slab.Geometry`.
+    relief, bounds, layout, quanta, scale, outside, bubbles, first, member, grid, kinds, sizes, patch, light :
+        the pane and the light's polarisation, see `slab.Geometry`.
     eta, absorption : index of the glass, absorption in 1/um.
     polarised : see `meet_interface`.
     face, theta, phi : the face the light arrives on; polar angle from its normal and azimuth, radians.
@@ -770,7 +772,8 @@ def trace_kernel(
             co = math.cos(azimuth)
             si = math.sin(azimuth)
         ended, dx, dy, _, w, a, way_in_glass = _path(
-            relief, bounds, layout, quanta, scale, outside, bubbles, first, member, grid, kinds, sizes, patch, light,
+            relief, bounds, layout, quanta, scale, outside, bubbles, first, member, grid, kinds, sizes, patch,
+    light,
             eta, absorption, polarised, face, x, y, -sin_t * co, -sin_t * si, cos_t, -si, co,
             count, shift, key,
         )  # fmt: skip

@@ -21,6 +21,7 @@ from specularia.glass.hierarchy import pack, steepest
 from specularia.glass.kernel import BACK, FRONT
 from specularia.glass.medium import Medium
 from specularia.glass.patch import Patch
+from specularia.glass.tiling import TilingReport
 
 __all__ = ["UNPOLARISED", "Geometry", "Slab", "patches"]
 
@@ -121,6 +122,12 @@ class Slab:
             # x runs the other way: column j of the slab is column -j of the map.
             (-np.roll(back[:, ::-1], 1, axis=1)).astype(np.float32),
         )
+
+    @cached_property
+    def tilings(self) -> dict[str, TilingReport]:
+        """What tiling does to the slopes of the "front" and the "back", where they have maps."""
+        faces = {"front": self.front, "back": self.back}
+        return {name: face.report() for name, face in faces.items() if not face.is_flat}
 
     @cached_property
     def bulk_mm(self) -> tuple[float, float]:

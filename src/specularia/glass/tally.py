@@ -222,7 +222,7 @@ def _sum(exit_side, weight, absorbed, replicate, through, sums):
         side = exit_side[i]
         if side == through:
             sums[0, r] += weight[i]
-        elif side == FRONT or side == BACK:
+        elif side in (FRONT, BACK):
             sums[1, r] += weight[i]
         elif side == SIDES:
             sums[3, r] += weight[i]
