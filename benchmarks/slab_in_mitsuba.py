@@ -2,8 +2,8 @@
 
     python benchmarks/slab_in_mitsuba.py FOLDER ENGINE SIZE PATHS
 
-traces the pane of `tracer.py` with maps of SIZE x SIZE pixels in ENGINE, "mitsuba" or "specularia". It prints JSON:
-CPU seconds and tau at each angle, and the largest memory of the process in MB. Mitsuba needs a libLLVM (version 19
+traces the pane of `tracer.py` with maps of SIZE x SIZE pixels in ENGINE, "mitsuba" or "specularia". It prints
+JSON: CPU seconds and tau at each angle, and the largest memory in MB. Mitsuba needs a libLLVM (version 19
 is known to work), which DRJIT_LIBLLVM_PATH may name.
 """
 

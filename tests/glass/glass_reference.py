@@ -12,6 +12,9 @@ from specularia.glass import Bubbles, Slab
 
 EPSILON_UM = 2e-3
 
+MARGIN_PX = 64
+"""Of the mesh beyond a period on each side."""
+
 
 def smooth_map(
     shape: tuple[int, int], *, seed: int, rms_slope: float, pitch_um: float = 1.5, width_px: float = 4.0
@@ -68,7 +71,7 @@ def incident(theta_deg, phi_deg, count, rng):
 
 
 class Relief:
-    """Three by three periods of a face as an Embree mesh, cells split along 00-11."""
+    """A period of a face, and some more on all sides, as an Embree mesh; cells split along 00-11."""
 
     def __init__(self, heights, pitch_um):
         from embreex.mesh_construction import TriangleMesh
@@ -76,19 +79,23 @@ class Relief:
 
         ny, nx = heights.shape
         self.period = np.array([nx, ny]) * pitch_um
-        h = np.tile(heights, (3, 3))
-        h = np.pad(h, ((0, 1), (0, 1)), mode="wrap")
-        y, x = np.mgrid[: 3 * ny + 1, : 3 * nx + 1]
-        v = np.stack([x * pitch_um - self.period[0], y * pitch_um - self.period[1], h], -1)
-        i = np.arange(3 * ny)[:, None] * (3 * nx + 1) + np.arange(3 * nx)
-        a, b, c, d = i, i + 1, i + 3 * nx + 2, i + 3 * nx + 1
+        # More than one period of large maps would only fill the cache.
+        my, mx = self.beyond = min(ny, MARGIN_PX), min(nx, MARGIN_PX)
+        self.margin = np.array([mx, my]) * pitch_um
+        h = np.pad(heights, ((my, my + 1), (mx, mx + 1)), mode="wrap")
+        rows, self.columns = ny + 2 * my, nx + 2 * mx
+        y, x = np.mgrid[: rows + 1, : self.columns + 1]
+        v = np.stack([(x - mx) * pitch_um, (y - my) * pitch_um, h], -1)
+        i = np.arange(rows)[:, None] * (self.columns + 1) + np.arange(self.columns)
+        a, b, c, d = i, i + 1, i + self.columns + 2, i + self.columns + 1
         faces = np.concatenate(
             [np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)]
         )
+        self.cells = rows * self.columns
         self.scene = EmbreeScene()
         TriangleMesh(self.scene, v.reshape(-1, 3)[faces].astype(np.float32))
         # Planes in double precision, of one period: they stay in the cache.
-        self.heights, self.pitch = h[:ny, :nx].copy(), pitch_um
+        self.heights, self.pitch = heights, pitch_um
         e = np.pad(heights, ((0, 1), (0, 1)), mode="wrap")
         slopes = [
             (e[:-1, 1:] - e[:-1, :-1], e[1:, 1:] - e[:-1, 1:]),
@@ -103,12 +110,10 @@ class Relief:
         found = self.scene.run(o.astype(np.float32), d.astype(np.float32), output=1)
         hit = found["primID"] >= 0
         ny, nx = self.heights.shape
-        half, cell = np.divmod(np.where(hit, found["primID"], 0), 9 * ny * nx)
-        iy, ix = np.divmod(cell, 3 * nx)
+        half, cell = np.divmod(np.where(hit, found["primID"], 0), self.cells)
+        iy, ix = np.divmod(cell, self.columns) - np.array(self.beyond)[:, None]
         normal = self.normals[half, iy % ny, ix % nx]
-        corner = np.stack(
-            [(ix - nx) * self.pitch, (iy - ny) * self.pitch, self.heights[iy % ny, ix % nx]], -1
-        )
+        corner = np.stack([ix * self.pitch, iy * self.pitch, self.heights[iy % ny, ix % nx]], -1)
         way = np.sum((corner - o) * normal, 1) / np.where(hit, np.sum(d * normal, 1), 1.0)
         return np.where(hit, way, np.inf), normal
 
@@ -157,7 +162,7 @@ def transmission_of_relief(
             # Rays that leave the mesh sideways while still between its bounds are moved by whole periods.
             with np.errstate(divide="ignore"):
                 side = np.min(
-                    np.where(d[rays, :2] > 0, 2 * relief.period - local[:, :2], local[:, :2] + relief.period)
+                    (np.where(d[rays, :2] > 0, relief.period - local[:, :2], local[:, :2]) + relief.margin)
                     / np.maximum(np.abs(d[rays, :2]), 1e-12),
                     axis=1,
                 )
