@@ -25,6 +25,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -231,7 +232,7 @@ for line in sys.stdin:
 
 def threads() -> Lines:
     """Two threads against two processes."""
-    paths, rounds = 400_000, 7
+    paths, rounds = 150_000, 9
     text = _RATE.format(folder=sys.path[0], here=str(Path(__file__).parent))
 
     def start(count: int) -> subprocess.Popen[str]:
@@ -356,7 +357,8 @@ def main() -> int:
     ]
     print("\n".join(lines))
     for name in given.parts.split(","):
-        for line in ("", f"## {name}: {(PARTS[name].__doc__ or '').strip()}", "", *PARTS[name]()):
+        head = ("", f"## {name}: {(PARTS[name].__doc__ or '').strip()}", "")
+        for line in chain(head, PARTS[name]()):
             lines.append(line)
             print(line, flush=True)
     if given.output is not None:
