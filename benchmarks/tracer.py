@@ -25,7 +25,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from importlib.util import find_spec
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -180,30 +180,62 @@ def radiance() -> Lines:
 
 
 def mitsuba() -> Lines:
-    """Where Mitsuba is not installed, that is said."""
-    if find_spec("mitsuba") is None:
-        yield "Not measured: Mitsuba is not installed here."
-        return
-    yield "Not measured: this benchmark has no scene for Mitsuba yet."
+    """The same pane in Mitsuba, variant llvm, lanes refilled; each run in a process of its own."""
+    import json
+
+    import slab_in_mitsuba
+
+    here = Path(slab_in_mitsuba.__file__)
+    yield "| maps | theta | Mitsuba, kpaths/s | ours, kpaths/s | ratio | Mitsuba's tau | our tau |"
+    yield "|---|---|---|---|---|---|---|"
+    sums = []
+    for size, paths in ((512, 320_000), (2048, 160_000)):
+        found = []
+        for engine in ("mitsuba", "specularia"):
+            words = [sys.executable, str(here), sys.path[0], engine, str(size), str(paths)]
+            ran = subprocess.run(
+                words, capture_output=True, text=True, env={**os.environ, "NUMBA_NUM_THREADS": "1"}
+            )
+            if ran.returncode:
+                yield f"Not measured at {size}: {engine} ended with {ran.returncode}."
+                return
+            found.append(json.loads(ran.stdout.splitlines()[-1]))
+            if "reason" in found[-1]:
+                yield f"Not measured: {found[-1]['reason']}."
+                return
+        theirs, ours = found
+        rates = [f["paths"] / np.array(f["seconds"]) / 1e3 for f in found]
+        for k, theta in enumerate(ANGLES):
+            yield (
+                f"| {size} x {size} | {theta:g} | {rates[0][k]:.0f} | {rates[1][k]:.0f} "
+                f"| {rates[1][k] / rates[0][k]:.2f} | {theirs['tau'][k]:.4f} | {ours['tau'][k]:.4f} |"
+            )
+        sums.append(
+            f"{size} x {size}: **{mean(rates[1] / rates[0]):.2f}** times its speed (bar 2), "
+            f"{ours['memory_mb']:.0f} MB against {theirs['memory_mb']:.0f} MB"
+            + (f" (**{ours['memory_mb'] / theirs['memory_mb']:.2f}**, bar 0.25)." if size > 512 else ".")
+        )
+    yield ""
+    yield from sums
 
 
 _RATE = """
 import sys, time; sys.path[:0] = [{folder!r}, {here!r}]
 import tracer
 slab = tracer.with_(tracer.pane())
-print("ready", flush=True); sys.stdin.readline()
-start = time.perf_counter()
-for theta in tracer.ANGLES: tracer.trace(slab, theta_deg=[theta], paths={paths})
-print(time.perf_counter() - start, flush=True)
+for line in sys.stdin:
+    wall, used = time.perf_counter(), time.process_time()
+    for theta in tracer.ANGLES: tracer.trace(slab, theta_deg=[theta], paths=int(line))
+    print(time.perf_counter() - wall, time.process_time() - used, flush=True)
 """
 
 
 def threads() -> Lines:
     """Two threads against two processes."""
-    paths = 2_000_000
+    paths, rounds = 150_000, 9
+    text = _RATE.format(folder=sys.path[0], here=str(Path(__file__).parent))
 
     def start(count: int) -> subprocess.Popen[str]:
-        text = _RATE.format(folder=sys.path[0], here=str(Path(__file__).parent), paths=paths * count)
         return subprocess.Popen(
             [sys.executable, "-c", text],
             stdin=subprocess.PIPE,
@@ -212,54 +244,75 @@ def threads() -> Lines:
             env={**os.environ, "NUMBA_NUM_THREADS": str(count)},
         )
 
-    def together(running: list[subprocess.Popen[str]]) -> float:
+    def together(running: list[subprocess.Popen[str]], each: int) -> np.ndarray:
+        """Wall time until all are done, and the CPU time of all."""
         for r in running:
-            assert r.stdout is not None
-            r.stdout.readline()
-        answers = [r.communicate("go\n")[0] for r in running]
-        return max(float(a.split()[-1]) for a in answers)
+            assert r.stdin is not None
+            r.stdin.write(f"{each}\n")
+            r.stdin.flush()
+        answers = np.array([[float(v) for v in r.stdout.readline().split()] for r in running if r.stdout])
+        return np.array([answers[:, 0].max(), answers[:, 1].sum()])
 
+    single, double = [start(1), start(1)], [start(2)]
+    together([*single, *double], 1000)
     shares = []
-    for _ in range(3):
-        apart = together([start(1), start(1)])
-        shares.append(apart / together([start(2)]))
+    for _ in range(rounds):
+        apart = together(single, paths)
+        shares.append(apart / together(double, 2 * paths))
+    for r in (*single, *double):
+        r.communicate()
     yield "| two threads over two processes, paths per second | bar |"
     yield "|---|---|"
-    yield f"| **{100 * np.median(shares):.0f} %** (of {', '.join(f'{100 * s:.0f}' for s in shares)}) | 95 % |"
+    wall, used = (100 * np.array(shares)).T
+    yield f"| of wall time: **{np.median(wall):.0f} %** (of {', '.join(f'{s:.0f}' for s in wall)}) | 95 % |"
+    yield f"| of CPU time: {np.median(used):.0f} % (of {', '.join(f'{s:.0f}' for s in used)}) | |"
 
 
-def embree(paths: int = 400_000) -> Lines:
+def embree() -> Lines:
     """Against Embree's triangles and Jones vectors in space."""
     sys.path.insert(0, str(ROOT / "tests" / "glass"))
-    from glass_reference import transmission_of_relief
+    from glass_reference import reliefs, transmission_of_relief
 
     from specularia.bsdf.tabulated import base_index
 
     slab = with_(pane())
-    yield "| theta | our tau | se | Embree's tau | se | difference, sigma | L1 of bins | L1 of noise |"
-    yield "|---|---|---|---|---|---|---|---|"
+    meshes = reliefs(slab)
+    batch, wanted = 400_000, 1.95e-4
+    yield "| theta | our tau | se | Embree's tau | se | difference / se | L1 of bins | noise | CPU, s |"
+    yield "|---|---|---|---|---|---|---|---|---|"
     for theta in (0.0, 20.0, 40.0, 60.0, 82.5):
-        leaving: list[np.ndarray] = []
-        tau, _ = transmission_of_relief(
-            slab, theta_deg=theta, paths=paths, seed=3, polarised=True, leaving=leaving
-        )
+        start = time.process_time()
+        taus, cells, square = [], np.zeros(64 * 64), np.zeros(64 * 64)
+        while True:
+            leaving: list[tuple[np.ndarray, np.ndarray]] = []
+            tau, se, _ = transmission_of_relief(
+                slab, theta_deg=theta, paths=batch, seed=3 + len(taus), polarised=True, faces=meshes,
+                leaving=leaving,
+            )  # fmt: skip
+            taus.append(tau)
+            d, w = (np.concatenate(v) for v in zip(*leaving))
+            a, b = base_index(d[:, 0], d[:, 1], 64)
+            cells += np.bincount(a * 64 + b, w, minlength=64 * 64)
+            square += np.bincount(a * 64 + b, w * w, minlength=64 * 64)
+            if se / np.sqrt(len(taus)) <= wanted:
+                break
+        paths = batch * len(taus)
+        tau, se = float(np.mean(taus)), float(se / np.sqrt(len(taus)))
         tally = Tally(Bins(theta))
-        fill(tally, slab, effort=Effort(8 * paths), seed=1, theta_deg=theta, phi_deg=0.0)
+        fill(tally, slab, effort=Effort(6_400_000), seed=1, theta_deg=theta, phi_deg=0.0)
         share, error = (v[0] for v in tally.shares)
         assert tally.bins is not None
-        d = np.concatenate(leaving)
-        a, b = base_index(d[:, 0], d[:, 1], 64)
-        theirs = np.bincount(a * 64 + b, minlength=64 * 64) / paths
         each = tally.bins.base[0].reshape(REPLICATES, 64, 2, 64, 2).sum(axis=(2, 4)).reshape(REPLICATES, -1)
         ours = each.sum(axis=0) / tally.paths
-        # Of a count with expectation m the mean modulus of the error: that of a normal number, or 2 m if few.
-        m = np.maximum(ours * paths, 1e-12)
-        noise = np.minimum(np.sqrt(2 * m / np.pi), 2 * m).sum() / paths / tau
-        distance = np.abs(ours - theirs).sum() / tau
-        se = np.sqrt(tau * (1 - tau) / paths)
+        # The mean modulus of the error: that of a normal number, or twice the light of a cell, if less. Light
+        # in a cell that got no path yet may be that of our own paths.
+        spread = np.sqrt(square / paths**2 + REPLICATES * each.var(axis=0, ddof=1) / tally.paths**2)
+        noise = np.minimum(np.sqrt(2 / np.pi) * spread, 2 * np.maximum(ours, cells / paths)).sum() / tau
+        distance = np.abs(ours - cells / paths).sum() / tau
         yield (
             f"| {theta:g} | {share:.5f} | {error:.5f} | {tau:.5f} | {se:.5f} "
-            f"| {(share - tau) / np.hypot(error, se):+.1f} | {distance:.4f} | {noise:.4f} |"
+            f"| {(share - tau) / np.hypot(error, se):+.1f} | {distance:.4f} | {noise:.4f} "
+            f"| {time.process_time() - start:.0f} |"
         )
 
 
@@ -304,7 +357,8 @@ def main() -> int:
     ]
     print("\n".join(lines))
     for name in given.parts.split(","):
-        for line in ("", f"## {name}: {(PARTS[name].__doc__ or '').strip()}", "", *PARTS[name]()):
+        head = ("", f"## {name}: {(PARTS[name].__doc__ or '').strip()}", "")
+        for line in chain(head, PARTS[name]()):
             lines.append(line)
             print(line, flush=True)
     if given.output is not None:

@@ -12,6 +12,9 @@ from specularia.glass import Bubbles, Slab
 
 EPSILON_UM = 2e-3
 
+MARGIN_PX = 64
+"""Of the mesh beyond a period on each side."""
+
 
 def smooth_map(
     shape: tuple[int, int], *, seed: int, rms_slope: float, pitch_um: float = 1.5, width_px: float = 4.0
@@ -27,6 +30,11 @@ def smooth_map(
 
 def meet_interface(d, e, normal, ratio, polarised, rng):
     """Fresnel by chance for rays d [N, 3] with fields e [N, 3]; (crossed, d, e)."""
+    return meet_interface_at(d, e, normal, ratio, polarised, rng.random(len(d)))[:3]
+
+
+def meet_interface_at(d, e, normal, ratio, polarised, xi):
+    """The same for given random numbers [N]; also the probability of a reflection."""
     normal = np.where((np.sum(d * normal, 1) > 0)[:, None], -normal, normal)
     c = -np.sum(d * normal, 1)
     s = np.cross(d, normal)
@@ -42,7 +50,7 @@ def meet_interface(d, e, normal, ratio, polarised, rng):
         es = ep = np.full(len(d), np.sqrt(0.5), complex)
     share = np.abs(rs * es) ** 2 + np.abs(rp * ep) ** 2
     total = cos_t.real == 0
-    crossed = (rng.random(len(d)) >= share) & ~total
+    crossed = (xi >= share) & ~total
     mirrored = d + 2 * c[:, None] * normal
     refracted = ratio[:, None] * d + (ratio * c - cos_t.real)[:, None] * normal
     new = np.where(crossed[:, None], refracted, mirrored)
@@ -50,7 +58,7 @@ def meet_interface(d, e, normal, ratio, polarised, rng):
     a = np.where(crossed, np.sqrt(1 - np.minimum(np.abs(rs), 1) ** 2), rs) * es
     b = np.where(crossed, np.sqrt(1 - np.minimum(np.abs(rp), 1) ** 2), rp) * ep
     field = a[:, None] * s + b[:, None] * np.cross(new, s)
-    return crossed, new, field / np.linalg.norm(field, axis=1)[:, None]
+    return crossed, new, field / np.linalg.norm(field, axis=1)[:, None], np.where(total, 1.0, share)
 
 
 def incident(theta_deg, phi_deg, count, rng):
@@ -63,7 +71,7 @@ def incident(theta_deg, phi_deg, count, rng):
 
 
 class Relief:
-    """Three by three periods of a face as an Embree mesh, cells split along 00-11."""
+    """A period of a face, and some more on all sides, as an Embree mesh; cells split along 00-11."""
 
     def __init__(self, heights, pitch_um):
         from embreex.mesh_construction import TriangleMesh
@@ -71,40 +79,57 @@ class Relief:
 
         ny, nx = heights.shape
         self.period = np.array([nx, ny]) * pitch_um
-        h = np.tile(heights, (3, 3))
-        h = np.pad(h, ((0, 1), (0, 1)), mode="wrap")
-        y, x = np.mgrid[: 3 * ny + 1, : 3 * nx + 1]
-        v = np.stack([x * pitch_um - self.period[0], y * pitch_um - self.period[1], h], -1)
-        i = np.arange(3 * ny)[:, None] * (3 * nx + 1) + np.arange(3 * nx)
-        a, b, c, d = i, i + 1, i + 3 * nx + 2, i + 3 * nx + 1
+        # More than one period of large maps would only fill the cache.
+        my, mx = self.beyond = min(ny, MARGIN_PX), min(nx, MARGIN_PX)
+        self.margin = np.array([mx, my]) * pitch_um
+        h = np.pad(heights, ((my, my + 1), (mx, mx + 1)), mode="wrap")
+        rows, self.columns = ny + 2 * my, nx + 2 * mx
+        y, x = np.mgrid[: rows + 1, : self.columns + 1]
+        v = np.stack([(x - mx) * pitch_um, (y - my) * pitch_um, h], -1)
+        i = np.arange(rows)[:, None] * (self.columns + 1) + np.arange(self.columns)
+        a, b, c, d = i, i + 1, i + self.columns + 2, i + self.columns + 1
         faces = np.concatenate(
             [np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)]
         )
-        self.points = v.reshape(-1, 3)
-        self.faces = faces
+        self.cells = rows * self.columns
         self.scene = EmbreeScene()
-        TriangleMesh(self.scene, self.points[faces].astype(np.float32))
+        TriangleMesh(self.scene, v.reshape(-1, 3)[faces].astype(np.float32))
+        # Planes in double precision, of one period: they stay in the cache.
+        self.heights, self.pitch = heights, pitch_um
+        e = np.pad(heights, ((0, 1), (0, 1)), mode="wrap")
+        slopes = [
+            (e[:-1, 1:] - e[:-1, :-1], e[1:, 1:] - e[:-1, 1:]),
+            (e[1:, 1:] - e[1:, :-1], e[1:, :-1] - e[:-1, :-1]),
+        ]
+        n = np.array([np.stack([-gx / pitch_um, -gy / pitch_um, np.ones_like(gx)], -1) for gx, gy in slopes])
+        self.normals = n / np.linalg.norm(n, axis=-1)[..., None]
         self.low, self.high = h.min(), h.max()
 
     def meet(self, o, d):
         """(way, normal); way is infinite where the mesh is missed."""
         found = self.scene.run(o.astype(np.float32), d.astype(np.float32), output=1)
         hit = found["primID"] >= 0
-        corner = self.points[self.faces[np.where(hit, found["primID"], 0)]]
-        normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-        normal /= np.linalg.norm(normal, axis=1)[:, None]
-        way = np.sum((corner[:, 0] - o) * normal, 1) / np.where(hit, np.sum(d * normal, 1), 1.0)
+        ny, nx = self.heights.shape
+        half, cell = np.divmod(np.where(hit, found["primID"], 0), self.cells)
+        iy, ix = np.divmod(cell, self.columns) - np.array(self.beyond)[:, None]
+        normal = self.normals[half, iy % ny, ix % nx]
+        corner = np.stack([ix * self.pitch, iy * self.pitch, self.heights[iy % ny, ix % nx]], -1)
+        way = np.sum((corner - o) * normal, 1) / np.where(hit, np.sum(d * normal, 1), 1.0)
         return np.where(hit, way, np.inf), normal
 
 
-def transmission_of_relief(slab: Slab, *, theta_deg, phi_deg=0.0, paths, seed, polarised, leaving=None):
-    """tau of a clear pane without bubbles for light on the front, and the share of lost paths.
+def transmission_of_relief(
+    slab: Slab, *, theta_deg, phi_deg=0.0, paths, seed, polarised, faces=None, leaving=None
+):
+    """tau of a clear pane without bubbles for light on the front, its standard error, and lost paths.
 
-    `leaving`, a list, gets the directions [K, 3] of transmitted paths.
+    At its first interface light goes both ways, with weights.
+    `faces` are the pane's reliefs where they have been made before. `leaving`, a list, gets the directions
+    [K, 3] of transmitted paths and their weights [K].
     """
     rng = np.random.default_rng(seed)
     half = 500.0 * slab.thickness_mm
-    faces = [Relief(r.astype(float), p[0]) for r, p in zip(slab.reliefs, slab.pitch_um)]
+    faces = faces or reliefs(slab)
     index = slab.medium.index_at(520.0)
     d, e = incident(theta_deg, phi_deg, paths, rng)
     place = np.zeros((paths, 3))
@@ -113,11 +138,15 @@ def transmission_of_relief(slab: Slab, *, theta_deg, phi_deg=0.0, paths, seed, p
     place[:, 2] = half + faces[0].high + 1.0
     face = np.zeros(paths, int)
     glass = np.zeros(paths, bool)
+    fresh = np.ones(paths, bool)
+    weight = np.ones(paths)
+    owner = np.arange(paths)
     active = np.arange(paths)
-    through = 0
+    score = np.zeros(paths)
     for _ in range(4000):
         if active.size == 0:
             break
+        split = []
         t = np.empty(active.size)
         normal = np.empty((active.size, 3))
         for f, relief in enumerate(faces):
@@ -133,7 +162,7 @@ def transmission_of_relief(slab: Slab, *, theta_deg, phi_deg=0.0, paths, seed, p
             # Rays that leave the mesh sideways while still between its bounds are moved by whole periods.
             with np.errstate(divide="ignore"):
                 side = np.min(
-                    np.where(d[rays, :2] > 0, 2 * relief.period - local[:, :2], local[:, :2] + relief.period)
+                    (np.where(d[rays, :2] > 0, relief.period - local[:, :2], local[:, :2]) + relief.margin)
                     / np.maximum(np.abs(d[rays, :2]), 1e-12),
                     axis=1,
                 )
@@ -146,23 +175,45 @@ def transmission_of_relief(slab: Slab, *, theta_deg, phi_deg=0.0, paths, seed, p
             gone = missed & ~sideways
             # Beyond the shell: out of the pane, or across the glass to the other shell.
             outside = gone & ~glass[rays]
-            through += np.sum(outside & (d[rays, 2] < 0))
+            through = rays[outside & (d[rays, 2] < 0)]
+            np.add.at(score, owner[through], weight[through])
             if leaving is not None:
-                leaving.append(d[rays[outside & (d[rays, 2] < 0)]])
+                leaving.append((d[through], weight[through]))
             inside = rays[gone & glass[rays]]
             target = np.where(d[inside, 2] > 0, 0, 1)
             level = np.where(target == 0, half + faces[0].low - 0.5, -half + faces[1].high + 0.5)
             place[inside] += ((level - place[inside, 2]) / d[inside, 2])[:, None] * d[inside]
             face[inside] = target
             hits = rays[~missed]
+            first = fresh[hits]
             ratio = np.where(glass[hits], index, 1 / index)
-            crossed, d[hits], e[hits] = meet_interface(
-                d[hits], e[hits], normal[which][~missed], ratio, polarised, rng
-            )
+            arriving = d[hits], e[hits], normal[which][~missed], ratio, polarised
+            xi = np.where(first, 1.0, rng.random(hits.size))
+            crossed, d[hits], e[hits], share = meet_interface_at(*arriving, xi)
             glass[hits] ^= crossed
             face[rays[outside]] = -1
+            fresh[hits] = False
+            weight[hits[first]] *= 1.0 - share[first]
+            # The reflected branch goes on with probability 4 R, if that is less than 1.
+            keep = first & (rng.random(hits.size) < 4.0 * share)
+            if keep.any():
+                _, back, field, _ = meet_interface_at(*(v[keep] for v in arriving[:4]), polarised, 0.0)
+                branch = np.maximum(share[keep], 0.25)
+                split.append((hits[keep], back, field, branch))
         active = active[face[active] >= 0]
-    return through / paths, active.size / paths
+        for rays, back, field, branch in split:
+            active = np.append(active, np.arange(len(d), len(d) + len(rays)))
+            d, e = np.append(d, back, axis=0), np.append(e, field, axis=0)
+            place = np.append(place, place[rays], axis=0)
+            face, fresh = np.append(face, face[rays]), np.append(fresh, fresh[rays])
+            glass = np.append(glass, ~glass[rays])
+            weight, owner = np.append(weight, branch), np.append(owner, owner[rays])
+    return score.mean(), score.std() / np.sqrt(paths), active.size / paths
+
+
+def reliefs(slab: Slab):
+    """Embree's meshes of both faces."""
+    return [Relief(r.astype(float), p[0]) for r, p in zip(slab.reliefs, slab.pitch_um)]
 
 
 def transmission_of_bubbles(slab: Slab, bubbles: Bubbles, *, theta_deg, paths, seed, polarised):

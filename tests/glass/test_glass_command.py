@@ -181,6 +181,11 @@ def test_energy_balance_alone_as_json(folder, command):
     assert out["lost"] == [0, 0]
     total = np.add(np.add(out["tau"], out["rho"]), out["absorbed"])
     assert np.all(np.abs(total - 1) < 1e-9)
+    back = out["tiling"]["back"]
+    assert back["tiling"] == "mirror"
+    assert back["shape"] == [38, 38]
+    assert back["rms_slope"][0] == pytest.approx(back["rms_slope"][1], rel=0.05)
+    assert 0 < back["distance"] < 0.05
     again = command(*words, "--seed", 5, "--wavelength", 450, "--json")[1]
     other = command(*words, "--seed", 6, "--wavelength", 450, "--json")[1]
     assert again["tau"] == out["tau"] != other["tau"]

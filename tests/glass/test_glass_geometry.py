@@ -59,7 +59,7 @@ def brute_force(h, o, d, below):
 def test_walk_meets_the_same_triangle_as_trying_all(shape, below):
     rng = np.random.default_rng(4)
     h = rng.uniform(-2, 2, shape).astype(np.float32)
-    relief, layout = pack([h])
+    packed = pack([h])
     mirror = 1 - 2 * below
     top = float((mirror * h).max())
     count = 150
@@ -70,7 +70,7 @@ def test_walk_meets_the_same_triangle_as_trying_all(shape, below):
     d[:, 2] = -mirror * (np.abs(d[:, 2]) + 0.3 * np.hypot(d[:, 0], d[:, 1]))
     d /= np.linalg.norm(d, axis=1)[:, None]
     expected = brute_force(h, o, d, below)
-    found = [meet_relief(relief, layout, 0, below, top, 1.0, *o[k], *d[k], 0, 0, -1) for k in range(count)]
+    found = [meet_relief(*packed, 0, below, top, 1.0, *o[k], *d[k], 0, 0, -1) for k in range(count)]
     t = np.array([f[0] for f in found])
     assert np.all(np.isfinite(expected))
     assert np.allclose(t, expected, atol=1e-6)
@@ -86,7 +86,7 @@ def test_walk_meets_the_same_triangle_as_trying_all(shape, below):
 def test_rising_rays_meet_the_relief_or_leave_it_as_trying_all_says():
     rng = np.random.default_rng(6)
     h = rng.uniform(-1, 1, (9, 10)).astype(np.float32)
-    relief, layout = pack([h])
+    packed = pack([h])
     top = float(h.max())
     slope = steepest(h, pitch_x_um=1.0, pitch_y_um=1.0)
     clear = slope / np.hypot(1, slope)
@@ -94,16 +94,14 @@ def test_rising_rays_meet_the_relief_or_leave_it_as_trying_all_says():
     while len(found) < 150:
         # From a point of the surface, as after a reflection: first down onto it, then up.
         o = np.array([*rng.random(2) * [10, 9], top])
-        t, ix, iy, plane, gx, gy, x, y = meet_relief(
-            relief, layout, 0, 0, top, clear, *o, 0.0, 0.0, -1.0, 0, 0, -1
-        )
+        t, ix, iy, plane, gx, gy, x, y = meet_relief(*packed, 0, 0, top, clear, *o, 0.0, 0.0, -1.0, 0, 0, -1)
         d = rng.normal(size=3) * [1, 1, 0.5]
         d /= np.linalg.norm(d)
         if d[2] - gx * d[0] - gy * d[1] <= 0.02 or d[2] < 0.15:
             continue
         starts.append([x, y, o[2] - t])
         directions.append(d)
-        found.append(meet_relief(relief, layout, 0, 0, top, clear, *starts[-1], *d, ix, iy, plane)[0])
+        found.append(meet_relief(*packed, 0, 0, top, clear, *starts[-1], *d, ix, iy, plane)[0])
     o, d = np.array(starts), np.array(directions)
     expected = brute_force(h, o + 1e-7 * d, d, 0)
     assert 20 < np.isinf(expected).sum() < 130

@@ -171,6 +171,7 @@ def trace(
         for path in outputs:
             writable(path)
         slab = read_slab(glass, seed=seed)
+        tiling = _tiling(slab)
         if method is Method.RADIANCE:
             _radiance(
                 slab,
@@ -188,7 +189,7 @@ def trace(
         effort = {"paths": most, "target_error": target_error, "seed": seed, "wavelength_nm": wavelength}
         if tau_only:
             found = balance_of(slab, theta_deg=angles, phi_deg=phi, **effort)  # type: ignore[arg-type]
-            emit(_payload(found), as_json=as_json, lines=_rows(found))
+            emit(_payload(found) | tiling, as_json=as_json, lines=_rows(found))
             return
         with _pool(workers, scheduler) as pool:
             traced = traced_model(
@@ -206,7 +207,7 @@ def trace(
                 bsdf.write(traced.model, path, resolution=resolution, cull=cull)
         if traced.store is not None:
             traced.store.remove()
-        payload = _model_payload(traced) | {"written": [str(p.resolve()) for p in outputs]}
+        payload = _model_payload(traced) | tiling | {"written": [str(p.resolve()) for p in outputs]}
         lines = [*_rows(traced.balances["front"]), *_spread(traced), *(f"written: {p}" for p in outputs)]
         emit(payload, as_json=as_json, lines=lines)
 
@@ -394,6 +395,24 @@ def _model_payload(traced: Traced) -> dict[str, Any]:
     if traced.variation is not None:
         payload["patches"] = asdict(traced.variation)
     return payload
+
+
+def _tiling(slab: Slab) -> dict[str, Any]:
+    """What tiling does to the slopes of the maps: said on stderr, returned for --json."""
+    from specularia.progress import note
+
+    for name, r in slab.tilings.items():
+        changed = ""
+        if r.tiling != "periodic":
+            changed = (
+                f"rms slope {r.rms_slope[0]:.4g} of the map, {r.rms_slope[1]:.4g} tiled (Sdq {r.Sdq[0]:.4g}, "
+                f"{r.Sdq[1]:.4g}); largest difference between the distributions of slopes {r.distance:.2g}"
+            )
+        blended = f", {100 * r.blended:.2g} % of it blended" if r.blended else ""
+        missing = f"; {r.filled} missing pixels filled" if r.filled else ""
+        period = f"period of {r.shape[1]} x {r.shape[0]} pixels{blended}"
+        note(f"{name}: {r.tiling}, {period}; {changed or f'rms slope {r.rms_slope[1]:.4g}'}{missing}")
+    return {"tiling": {name: asdict(r) for name, r in slab.tilings.items()}}
 
 
 def _spread(traced: Traced) -> list[str]:

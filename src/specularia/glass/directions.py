@@ -120,27 +120,31 @@ def trace_directions(
     *,
     store: Store | None = None,
     pool: Pool | None = None,
+    part: str = "",
+    title: str = "Tracing Model C",
 ) -> list[Outcome]:
     """Outcomes of several directions, in their order.
 
     Parameters
     ----------
+    part : a word that tells these directions in the store from those of another pane or effort.
+    title : of the progress bar.
     store : where finished directions are kept, and taken from where an earlier run left them.
     pool : where to trace; None traces here, one direction after the other.
     """
     found: dict[Direction, Outcome] = {}
     if store is not None:
-        found = {d: kept for d in directions if (kept := store.load(d.name, Outcome)) is not None}
+        found = {d: kept for d in directions if (kept := store.load(part + d.name, Outcome)) is not None}
         if found:
             note(f"{len(found)} of {len(directions)} directions were finished before: {store.path}")
     missing = [d for d in directions if d not in found]
     done = _here(slab, missing, work) if pool is None else pool.outcomes(slab, missing, work)
     try:
-        with task("Tracing Model C", len(missing)) as bar:
+        with task(title, len(missing)) as bar:
             for direction, outcome in done:
                 found[direction] = outcome
                 if store is not None:
-                    store.save(direction.name, outcome)
+                    store.save(part + direction.name, outcome)
                 bar.advance()
     except KeyboardInterrupt:
         if store is not None and found:

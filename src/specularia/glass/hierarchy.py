@@ -1,4 +1,8 @@
-"""Bounds of a relief at all scales, packed with its heights into flat arrays for the tracer."""
+"""Bounds of a relief at several scales, packed with its heights into flat arrays for the tracer.
+
+Time goes into fetching numbers from memory as much as into arithmetic, so bounds are small: single bytes, of
+blocks of 4 x 4, 16 x 16, ... cells.
+"""
 
 from __future__ import annotations
 
@@ -7,10 +11,16 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["LEVELS", "bounds", "pack", "steepest"]
+__all__ = ["LEVELS", "STEP", "bounds", "pack", "steepest"]
 
 LEVELS = 24
 """Room for levels in the layout: a relief has at most 2^23 cells along a side."""
+
+STEP = 2
+"""From one level that is kept to the next, blocks grow by 2^STEP along a side."""
+
+_TOP = 254
+"""The greatest height of a relief above its lowest one, in quanta of its bounds."""
 
 
 def bounds(heights: NDArray[np.float32]) -> list[NDArray[np.float32]]:
@@ -37,7 +47,9 @@ def bounds(heights: NDArray[np.float32]) -> list[NDArray[np.float32]]:
     return levels
 
 
-def pack(reliefs: Sequence[NDArray[np.float32]]) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+def pack(
+    reliefs: Sequence[NDArray[np.float32]],
+) -> tuple[NDArray[np.float32], NDArray[np.uint8], NDArray[np.int64], NDArray[np.float64]]:
     """Heights and bounds of several reliefs one after the other.
 
     Parameters
@@ -46,31 +58,33 @@ def pack(reliefs: Sequence[NDArray[np.float32]]) -> tuple[NDArray[np.float32], N
 
     Returns
     -------
-    values : heights of each relief with the first row and column repeated after the last, then the bounds
-        seen from above (greatest heights) and from below (greatest negative heights), levels 1 and up.
-    layout : [number of reliefs, 4 + 2 LEVELS]. Position of the heights, nx, ny, highest level; then the
+    heights : of each relief, with the first row and column repeated after the last.
+    bounds : seen from above (of heights) and from below (of negative heights), levels STEP, 2 STEP, ...; in
+        quanta, rounded up.
+    layout : [number of reliefs, 4 + 2 LEVELS]. Position of the heights, nx, ny, highest level kept; then the
         position of each level's bounds, first those from above, then those from below.
+    quanta : [number of reliefs, 2, 2] for above and below (per, low): a height h is per * h - low quanta.
     """
-    parts: list[NDArray[np.float32]] = []
     layout = np.zeros((len(reliefs), 4 + 2 * LEVELS), np.int64)
-    position = 0
-
-    def append(values: NDArray[np.float32]) -> int:
-        nonlocal position
-        start = position
-        parts.append(values.ravel())
-        position += values.size
-        return start
-
-    for row, heights in zip(layout, reliefs):
-        ny, nx = heights.shape
-        row[:3] = append(np.pad(heights, ((0, 1), (0, 1)), mode="wrap")), nx, ny
-        for below, h in enumerate((heights, -heights)):
+    quanta = np.zeros((len(reliefs), 2, 2))
+    heights: list[NDArray[np.float32]] = []
+    coarse: list[NDArray[np.uint8]] = []
+    for row, units, relief in zip(layout, quanta, reliefs):
+        ny, nx = relief.shape
+        row[:3] = sum(h.size for h in heights), nx, ny
+        heights.append(np.pad(relief, ((0, 1), (0, 1)), mode="wrap").ravel())
+        for below, h in enumerate((relief, -relief)):
+            low, high = float(h.min()), float(h.max())
+            per = _TOP / (high - low) if high > low else 0.0
+            units[below] = per, per * low
             levels = bounds(h)
-            row[3] = len(levels) - 1
-            for level in range(1, len(levels)):
-                row[4 + below * LEVELS + level] = append(levels[level])
-    return np.concatenate(parts), layout
+            row[3] = (len(levels) - 1) // STEP * STEP
+            for level in range(STEP, len(levels), STEP):
+                row[4 + below * LEVELS + level] = sum(b.size for b in coarse)
+                # A little more than the truth, since the tracer compares rounded numbers.
+                part = np.ceil(per * levels[level].astype(float) - per * low + 1e-6)
+                coarse.append(part.astype(np.uint8).ravel())
+    return np.concatenate(heights), np.concatenate([*coarse, np.zeros(1, np.uint8)]), layout, quanta
 
 
 def steepest(heights: NDArray[np.float32], *, pitch_x_um: float, pitch_y_um: float) -> float:

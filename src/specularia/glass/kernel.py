@@ -21,7 +21,7 @@ import math
 import numba as nb
 import numpy as np
 
-from specularia.glass.hierarchy import LEVELS
+from specularia.glass.hierarchy import LEVELS, STEP
 
 __all__ = [
     "ABSORBED", "BACK", "FRONT", "LOST", "SIDES", "meet_interface", "meet_relief", "trace_kernel", "uniform",
@@ -95,16 +95,16 @@ def _chance(number, shift, key, met):
 
 # Both this and meet_interface are called from one place of the loop, which gains 2 % by taking them in.
 @nb.njit(fastmath=FAST, error_model="numpy", forceinline=True)
-def meet_relief(relief, layout, face, below, top, clear, x, y, z, dx, dy, dz, ix, iy, tri):
+def meet_relief(relief, bounds, layout, quanta, face, below, top, clear, x, y, z, dx, dy, dz, ix, iy, tri):
     """Nearest crossing of a ray with one face's relief.
 
     Each cell between four samples is cut into two planes along its diagonal 00-11; plane 0 has the larger x.
     The walk goes from cell to cell of some level of the hierarchy, down where the ray dips below the bound of
-    a cell, and up again where it leaves the parent of a cell.
+    a cell, and up again where it leaves the parent of a cell. Bounds are compared in their quanta.
 
     Parameters
     ----------
-    relief, layout : the heights and bounds of both faces, see `hierarchy.pack`.
+    relief, bounds, layout, quanta : the heights and bounds of both faces, see `hierarchy.pack`.
     face : FRONT or BACK.
     below : 0 if the ray runs above the surface, 1 if below; then everything is mirrored in z.
     top : highest point of the (mirrored) relief: beyond it the shell ends.
@@ -147,10 +147,11 @@ def meet_relief(relief, layout, face, below, top, clear, x, y, z, dx, dy, dz, ix
     if tri < 0:
         ix = min(int(x), nx - 1)
         iy = min(int(y), ny - 1)
-        # Coarser for slanting light, which has further to go.
-        level = min(3 if dz < -0.75 else 4, levels)
+        level = min(2 * STEP, levels)
     periods = 0
     bound_of = 4 + below * LEVELS
+    per_um = quanta[face, below, 0]
+    lowest = quanta[face, below, 1]
     while True:
         edge_x = min(((ix >> level) + east) << level, nx)
         edge_y = min(((iy >> level) + north) << level, ny)
@@ -164,8 +165,8 @@ def meet_relief(relief, layout, face, below, top, clear, x, y, z, dx, dy, dz, ix
         if level > 0:
             width = (nx + (1 << level) - 1) >> level
             at = layout[face, bound_of + level] + (iy >> level) * width + (ix >> level)
-            if z_low <= relief[np.uint64(at)]:
-                level -= 1
+            if per_um * z_low - lowest <= bounds[np.uint64(at)]:
+                level -= STEP
                 continue
         else:
             # Unsigned, since a signed index would be tested for counting from the end.
@@ -212,7 +213,7 @@ def meet_relief(relief, layout, face, below, top, clear, x, y, z, dx, dy, dz, ix
         t = t_out
         if t > t_end:
             return -1.0, ix, iy, -1, 0.0, 0.0, x, y
-        parent = level + 1
+        parent = level + STEP
         if t_x < t_y:
             # The other coordinate may have been rounded over the side of the block that the ray is still in.
             # It is not negative in earnest, so that cutting off its fraction rounds it down.
@@ -240,7 +241,7 @@ def meet_relief(relief, layout, face, below, top, clear, x, y, z, dx, dy, dz, ix
                 up = True
                 periods += 1
             iy = jy
-        if up and level < levels:
+        if up and parent <= levels:
             level = parent
         if periods > MAX_PERIODS:
             return -2.0, ix, iy, -1, 0.0, 0.0, x, y
@@ -500,7 +501,8 @@ def meet_interface(nx, ny, nz, dx, dy, dz, ratio, polarised, sx, sy, sz, q, u, v
 
 @nb.njit(fastmath=FAST, error_model="numpy")
 def _path(
-    relief, layout, scale, outside, bubbles, first, member, grid, kinds, sizes, patch, light,
+    relief, bounds, layout, quanta, scale, outside, bubbles, first, member, grid, kinds, sizes, patch,
+    light,
     eta, absorption, polarised, face, x, y, dx, dy, dz, sx, sy, number, shift, key,
 ):  # fmt: skip
     """Follow one path from above (or below) the pane until it leaves it.
@@ -597,7 +599,7 @@ def _path(
             # In a shell; the relief runs through it.
             below = 1 if (face == FRONT) == in_glass else 0
             t, ix, iy, tri, gx, gy, px, py = meet_relief(
-                relief, layout, face, below, scale[face, 3 + below], scale[face, 5],
+                relief, bounds, layout, quanta, face, below, scale[face, 3 + below], scale[face, 5],
                 px, py, z - scale[face, 2],
                 dx * scale[face, 0], dy * scale[face, 1], dz,
                 ix, iy, tri,
@@ -709,7 +711,8 @@ def _meet_side(patch, x, y, dx, dy):
 
 @nb.njit(parallel=True, cache=True)
 def trace_kernel(
-    relief, layout, scale, outside, bubbles, first, member, grid, kinds, sizes, patch, light,
+    relief, bounds, layout, quanta, scale, outside, bubbles, first, member, grid, kinds, sizes, patch,
+    light,
     eta, absorption, polarised, face, theta, phi, turned, repeat_x, repeat_y, seed, start, per_replicate,
     ux, uy, side, weight, absorbed, way,
 ):  # fmt: skip
@@ -717,8 +720,8 @@ def trace_kernel(
 
     Parameters
     ----------
-    relief, layout, scale, outside, bubbles, first, member, grid, kinds, sizes, patch, light : the pane and
-        the light's polarisation, see `slab.Geometry`.
+    relief, bounds, layout, quanta, scale, outside, bubbles, first, member, grid, kinds, sizes, patch, light :
+        the pane and the light's polarisation, see `slab.Geometry`.
     eta, absorption : index of the glass, absorption in 1/um.
     polarised : see `meet_interface`.
     face, theta, phi : the face the light arrives on; polar angle from its normal and azimuth, radians.
@@ -769,7 +772,8 @@ def trace_kernel(
             co = math.cos(azimuth)
             si = math.sin(azimuth)
         ended, dx, dy, _, w, a, way_in_glass = _path(
-            relief, layout, scale, outside, bubbles, first, member, grid, kinds, sizes, patch, light,
+            relief, bounds, layout, quanta, scale, outside, bubbles, first, member, grid, kinds, sizes, patch,
+    light,
             eta, absorption, polarised, face, x, y, -sin_t * co, -sin_t * si, cos_t, -si, co,
             count, shift, key,
         )  # fmt: skip

@@ -154,6 +154,8 @@ def traced_model(
             paths=round(np.mean([o.paths for o in outcomes])),
             seed=seed,
             wavelength_nm=wavelength_nm,
+            store=store,
+            pool=pool,
         )
         attributes["patches"] = to_json(asdict(spread))
     return Traced(
@@ -198,6 +200,7 @@ def _described(slab: Slab, wavelength_nm: float) -> dict[str, Any]:
         "front_tiling": "flat" if slab.front.is_flat else slab.front.tiling,
         "back": slab.back.name,
         "back_tiling": "flat" if slab.back.is_flat else slab.back.tiling,
+        "slopes": {face: asdict(report) for face, report in slab.tilings.items()},
     }
 
 

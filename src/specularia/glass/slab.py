@@ -21,6 +21,7 @@ from specularia.glass.hierarchy import pack, steepest
 from specularia.glass.kernel import BACK, FRONT
 from specularia.glass.medium import Medium
 from specularia.glass.patch import Patch
+from specularia.glass.tiling import TilingReport
 
 __all__ = ["UNPOLARISED", "Geometry", "Slab", "patches"]
 
@@ -37,7 +38,7 @@ class Geometry(NamedTuple):
 
     Attributes
     ----------
-    relief, layout : see `hierarchy.pack`; row FRONT and row BACK.
+    relief, bounds, layout, quanta : see `hierarchy.pack`; row FRONT and row BACK.
     scale : [2, 6] pixels per um along x and y, mean plane, highest point of the relief above it and lowest
         below it (both >= 0), and the sine of the elevation of its steepest slope.
     outside : [2, 2] index of what lies on each face, 1 for air, and one over it.
@@ -48,7 +49,9 @@ class Geometry(NamedTuple):
     """
 
     relief: NDArray[np.float32]
+    bounds: NDArray[np.uint8]
     layout: NDArray[np.int64]
+    quanta: Array
     scale: Array
     outside: Array
     bubbles: Array
@@ -121,6 +124,12 @@ class Slab:
         )
 
     @cached_property
+    def tilings(self) -> dict[str, TilingReport]:
+        """What tiling does to the slopes of the "front" and the "back", where they have maps."""
+        faces = {"front": self.front, "back": self.back}
+        return {name: face.report() for name, face in faces.items() if not face.is_flat}
+
+    @cached_property
     def bulk_mm(self) -> tuple[float, float]:
         """(low, high) z of the glass between the shells of relief; a PhysicsError where they meet."""
         front, back = self.reliefs
@@ -180,12 +189,14 @@ class Slab:
             # A little more than the truth, since light and slope are compared in rounded numbers.
             slope *= 1.0 + 1e-5
             scale[face, 3:] = relief.max(), -relief.min(), slope / np.hypot(1.0, slope)
-        relief, layout = pack(self.reliefs)
+        relief, bounds, layout, quanta = pack(self.reliefs)
         low, high = self.bulk_mm
         outside = np.array([face.sealant_index or 1.0 for face in (self.front, self.back)])
         return Geometry(
             relief,
+            bounds,
             layout,
+            quanta,
             scale,
             np.column_stack([outside, 1.0 / outside]),
             *bubble_lists.pack(self.all_bubbles),

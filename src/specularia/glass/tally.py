@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specularia.glass.effort import REPLICATES
-from specularia.glass.kernel import BACK, FRONT, LOST, SIDES
+from specularia.glass.kernel import BACK, FRONT, SIDES
 from specularia.glass.merging import LARGEST_BLOCK, merge_sparse
 
 if TYPE_CHECKING:
@@ -164,15 +164,9 @@ class Tally:
 
     def add(self, part: Paths) -> None:
         """Count some paths."""
-        weights = (
-            part.weight * part.transmitted,
-            part.weight * part.reflected,
-            part.absorbed,
-            part.weight * (part.exit_side == SIDES),
-        )
-        for sums, weight in zip(self.sums, weights):
-            sums += np.bincount(part.replicate, weight, REPLICATES)
-        self.lost += int(np.sum(part.exit_side == LOST))
+        through = BACK if part.side == "front" else FRONT
+        _sum(part.exit_side, part.weight, part.absorbed, part.replicate, through, self.sums)
+        self.lost += part.lost
         self.paths += len(part)
         if self.bins is not None:
             self.bins.add(part)
@@ -217,6 +211,21 @@ def _cell(x, y, n):
     a = min(max(int(0.5 * (p + 1.0) * n), 0), n - 1)
     b = min(max(int(0.5 * (q + 1.0) * n), 0), n - 1)
     return a * n + b
+
+
+@nb.njit(cache=True)
+def _sum(exit_side, weight, absorbed, replicate, through, sums):
+    """Add paths to the sums of `Tally`, one after the other."""
+    for i in range(exit_side.size):
+        r = replicate[i]
+        sums[2, r] += absorbed[i]
+        side = exit_side[i]
+        if side == through:
+            sums[0, r] += weight[i]
+        elif side in (FRONT, BACK):
+            sums[1, r] += weight[i]
+        elif side == SIDES:
+            sums[3, r] += weight[i]
 
 
 @nb.njit(cache=True)

@@ -172,13 +172,22 @@ def trace_paths(
         absorbed=absorbed,
         glass_length_mm=way / 1e3,
         side=side,
-        replicate=np.arange(first, first + count) // each,
+        replicate=_replicates(first, count, each),
     )
+
+
+def _replicates(first: int, count: int, each: int) -> NDArray[np.int64]:
+    """Replicate of path first, first + 1, ...; `each` of them form one."""
+    if count == 0:
+        return np.zeros(0, np.int64)
+    number = np.arange(first // each, (first + count - 1) // each + 1)
+    ends = np.minimum((number + 1) * each, first + count)
+    return np.repeat(number, np.diff(ends, prepend=first))
 
 
 def compile_kernel() -> None:
     """Have the kernel compiled (or loaded), so that the time of tracing can be taken by itself."""
-    trace_paths(Slab(thickness_mm=1.0), theta_deg=0.0, paths=1)
+    Tally().add(trace_paths(Slab(thickness_mm=1.0), theta_deg=0.0, paths=1))
 
 
 def fill(

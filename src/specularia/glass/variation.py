@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specularia.errors import PhysicsError
-from specularia.glass.directions import Direction, Task, trace_direction
+from specularia.glass.checkpoint import Store
+from specularia.glass.directions import Direction, Pool, Task, trace_directions
 from specularia.glass.effort import Effort
 from specularia.glass.slab import Slab, patches
-from specularia.glass.trace import WAVELENGTH_NM, compile_kernel
-from specularia.progress import task
+from specularia.glass.trace import WAVELENGTH_NM
 
 __all__ = ["Variation", "variation"]
 
@@ -58,6 +58,8 @@ def variation(
     paths: int,
     seed: int = 0,
     wavelength_nm: float = WAVELENGTH_NM,
+    store: Store | None = None,
+    pool: Pool | None = None,
 ) -> Variation:
     """Trace patches of a pane (see `slab.patches`) and compare them.
 
@@ -65,23 +67,30 @@ def variation(
     ----------
     along_side : patches along each side of the maps, >= 2.
     paths : for each incident angle, of all patches together.
+    store, pool : see `directions.trace_directions`.
     """
     if along_side < 2:
         raise PhysicsError(f"a spread needs at least 2 patches along each side, not {along_side}.")
     count = along_side**2
     work = Task(Effort(max(1, paths // count)), seed, wavelength_nm)
-    compile_kernel()
+    directions = [Direction("front", float(t)) for t in theta_deg]
     shares, errors = np.empty((2, 2, count, len(theta_deg)))
     light, noise = [], np.empty((count, len(theta_deg)))
-    with task("Tracing patches", count) as bar:
-        for k, patch in enumerate(patches(slab, along_side)):
-            found = [trace_direction(patch, Direction("front", float(t)), work) for t in theta_deg]
-            for row, part in enumerate(("transmitted", "reflected")):
-                shares[row, k] = [getattr(o, part).share for o in found]
-                errors[row, k] = [getattr(o, part).share_se for o in found]
-            light.append([_coarse(o.transmitted.base) for o in found])
-            noise[k] = [o.transmitted.noise for o in found]
-            bar.advance()
+    for k, patch in enumerate(patches(slab, along_side)):
+        found = trace_directions(
+            patch,
+            directions,
+            work,
+            store=store,
+            pool=pool,
+            part=f"patch{k}of{count}-paths{work.effort.paths}-",
+            title=f"Tracing patch {k + 1} of {count}",
+        )
+        for row, part in enumerate(("transmitted", "reflected")):
+            shares[row, k] = [getattr(o, part).share for o in found]
+            errors[row, k] = [getattr(o, part).share_se for o in found]
+        light.append([_coarse(o.transmitted.base) for o in found])
+        noise[k] = [o.transmitted.noise for o in found]
     spread = np.sqrt(np.clip(shares.var(axis=1, ddof=1) - np.mean(errors**2, axis=1), 0.0, None))
     cells = np.array(light)
     distance = np.abs(cells - cells.mean(axis=0)).sum(axis=-1).mean(axis=0) / cells.sum(axis=-1).mean(axis=0)
