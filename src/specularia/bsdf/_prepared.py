@@ -16,7 +16,7 @@ from specularia.bsdf.tabulated_cells import fill_beyond_horizon, quadrature_cell
 
 __all__ = ["Prepared"]
 
-_DEGREE = 8
+_DEGREE = 6
 """Of the polynomial in the angle, between two rings, that stands for the integral of the carried
 distribution, taken at Chebyshev's points. It keeps the light of lobes of 1 to 3 degrees to parts in 1e4."""
 

@@ -37,6 +37,7 @@ class Distribution:
     triangles, neighbours : [T, 3] Delaunay triangulation; neighbours lie opposite each vertex, -1 outside.
     integral : of the BSDF over projected solid angle: tau or rho.
     standard_error : of the integral, from the noise of single values.
+    weight : [P] weights of `values` whose sum is the integral.
     row_weight : [R] weights of the BSDF of the table's rows whose sum is the integral.
     coverage : share of the projected hemisphere between points, without gaps and what lies beyond them.
     covered : [T] True for triangles between points that are not far apart; the others bridge gaps or reach
@@ -56,6 +57,7 @@ class Distribution:
     neighbours: NDArray[np.int32]
     integral: float
     standard_error: float
+    weight: Array
     row_weight: Array
     coverage: float
     covered: NDArray[np.bool_]
@@ -103,6 +105,7 @@ def distribution(table: Table, *, masks: Sequence[Mask] = (), isotropic: bool = 
         neighbours=neighbours,
         integral=float(np.sum(weight * values)),
         standard_error=float(np.sqrt(np.sum(row_weight**2 * found.row_variance))),
+        weight=weight,
         row_weight=row_weight,
         coverage=min(area / np.pi, 1.0),
         covered=covered,

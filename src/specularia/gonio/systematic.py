@@ -78,15 +78,14 @@ def bounds(table: Table, found: Distribution, *, isotropic: bool = True) -> dict
         is more; the whole peak where it is unresolved.
         "scale": of the scan of the bare beam.
     """
-    weight = weights(found.x, found.y, found.triangles, found.neighbours)
-    own = weight[: found.measured]
+    own = found.weight[: found.measured]
     parts = {
         "horizon": _horizon(table, found),
         "lobe": max(1.0 - found.integral, 0.0) if lobe_outside(table, found) else 0.0,
         "gaps": _gaps(found),
         "shadow": _shadow(table, found, own),
         "asymmetry": _asymmetry(table, found, own) if isotropic else 0.0,
-        "discretisation": _discretisation(found, weight),
+        "discretisation": _discretisation(found),
         "scale": table.scale_bound * abs(found.integral),
     }
     return {name: float(value) for name, value in parts.items()}
@@ -206,8 +205,8 @@ def _asymmetry(table: Table, found: Distribution, own: Array) -> float:
     return float(np.sqrt(max(worst, 0.0)))
 
 
-def _discretisation(found: Distribution, weight: Array) -> float:
-    m = found.measured
+def _discretisation(found: Distribution) -> float:
+    m, weight = found.measured, found.weight
     plain = linear_weights(found.x, found.y, found.triangles)
     corrected = 0.5 * abs(float(np.sum((plain - weight) * found.values)))
     parts = 4 if m > _MANY else 2

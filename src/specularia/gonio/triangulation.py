@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
@@ -66,21 +67,33 @@ def weights(
         both = _both_diagonals(x, y, triangles, neighbours)
         joined: Array = np.mean([weights(x, y, t) for t in both], axis=0)
         return joined
-    p, q, r = triangles.T
-    twice = doubled_area(x, y, p, q, r)
-    corners = triangles.ravel()
+    return np.asarray(_corrected_weights(x, y, triangles))
 
-    def gathered(per_triangle: list[Array]) -> Array:
-        return np.bincount(corners, np.stack(per_triangle, axis=1).ravel(), x.size).astype(float)
 
-    weight = gathered([twice / 6.0] * 3)
-    around = np.maximum(6.0 * weight, 1e-300)
-    order = ((p, q, r), (q, r, p), (r, p, q))
-    lever_x = gathered([0.5 * twice * (2 * x[i] - x[j] - x[k]) for i, j, k in order]) / around
-    lever_y = gathered([0.5 * twice * (2 * y[i] - y[j] - y[k]) for i, j, k in order]) / around
-    sum_x = lever_x[triangles].sum(axis=1)
-    sum_y = lever_y[triangles].sum(axis=1)
-    bend = gathered([sum_x * (y[j] - y[k]) + sum_y * (x[k] - x[j]) for _, j, k in order])
+@nb.njit(cache=True, error_model="numpy", nogil=True)
+def _corrected_weights(x, y, triangles):  # type: ignore[no-untyped-def]
+    """The weights of one triangulation; see `weights`."""
+    size, count = x.size, len(triangles)
+    # A third of the area around each point; then the levers c_i over that area, with which g_i enters.
+    weight, lever_x, lever_y = np.zeros(size), np.zeros(size), np.zeros(size)
+    for t in range(count):
+        p, q, r = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        twice = (x[q] - x[p]) * (y[r] - y[p]) - (x[r] - x[p]) * (y[q] - y[p])
+        for i, j, k in ((p, q, r), (q, r, p), (r, p, q)):
+            weight[i] += twice / 6.0
+            lever_x[i] += 0.5 * twice * (2.0 * x[i] - x[j] - x[k])
+            lever_y[i] += 0.5 * twice * (2.0 * y[i] - y[j] - y[k])
+    for i in range(size):
+        around = max(6.0 * weight[i], 1e-300)
+        lever_x[i] /= around
+        lever_y[i] /= around
+    bend = np.zeros(size)
+    for t in range(count):
+        p, q, r = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        sum_x = lever_x[p] + lever_x[q] + lever_x[r]
+        sum_y = lever_y[p] + lever_y[q] + lever_y[r]
+        for i, j, k in ((p, q, r), (q, r, p), (r, p, q)):
+            bend[i] += sum_x * (y[j] - y[k]) + sum_y * (x[k] - x[j])
     return weight - bend / 24.0
 
 
