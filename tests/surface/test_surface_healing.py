@@ -8,6 +8,9 @@ import pytest
 from specularia import surface
 from specularia.errors import FormatError, PhysicsError
 from specularia.surface import random_field
+from specularia.twin.faces import make_face
+from specularia.twin.microscope import returned
+from specularia.twin.settings import FaceSettings, MapSettings
 
 PITCH, NOISE = 1.5, 0.03
 
@@ -155,3 +158,38 @@ def test_the_command_writes_the_healed_map_with_its_members(tmp_path, command):
     code, out, _ = command("surface", "heal", path, "-o", out_path, "--method", "flat", "--json")
     assert code == 0 and out["method"] == "flat" and out["members"] == 0
     assert command("surface", "heal", path, "-o", out_path, "--method", "nothing")[0] == 2
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_white_light_picture_tells_shallow_pits_that_noisy_heights_hide(seed):
+    """Pits of 6 to 25 um, noise of 0.3 um; the picture has a grid of its own and is lit unevenly."""
+    settings = FaceSettings(pitted_share=0.6, radius_um=(6, 25), relief_um=10)
+    rng = np.random.default_rng(seed)
+    face = make_face(settings, MapSettings(pixels=256), rng)
+    shade = returned(face.decayed_um, pitch_um=PITCH, half_bright_slope=0.35)
+    shade = shade * (1.0 + 0.2 * np.linspace(-1, 1, 256)) * (1.0 + 0.01 * rng.standard_normal((256, 256)))
+    noisy = face.decayed_um + 0.3 * rng.standard_normal((256, 256))
+    given = surface.HeightMap(noisy, PITCH, PITCH)
+    alone, seen = (
+        surface.heal(given, ensemble=0, picture=p) for p in (None, np.kron(shade, np.ones((2, 2))))
+    )
+    error = [rms(h.surface.heights_um - face.pristine_um) for h in (seen, alone)]
+    assert error[0] < 0.1 and error[0] < 0.5 * error[1]
+
+
+def test_a_picture_of_another_field_is_refused():
+    given, _, _ = pitted(share=0.3)
+    with pytest.raises(PhysicsError, match="Crop it"):
+        surface.heal(given, picture=np.ones((256, 128)))
+
+
+def test_a_picture_is_read_with_its_lowest_row_first(tmp_path):
+    import imageio.v3 as iio
+
+    shown = np.zeros((20, 30), np.uint8)
+    shown[0, :] = 200
+    iio.imwrite(tmp_path / "face.png", shown)
+    assert surface.read_picture(tmp_path / "face.png")[-1].min() == 200.0
+    (tmp_path / "no.png").write_bytes(b"not a picture")
+    with pytest.raises(FormatError, match="picture"):
+        surface.read_picture(tmp_path / "no.png")

@@ -300,6 +300,13 @@ def heal(
         float | None,
         typer.Option("--reach", min=0.0, help="Cut-off of gaussian, radius of closing, um; from the map."),
     ] = None,
+    image: Annotated[
+        Path | None,
+        typer.Option(
+            "--image",
+            help="The same field under white light, in focus everywhere: what is dark there is no plateau.",
+        ),
+    ] = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -318,11 +325,16 @@ def heal(
         writable(output)
         given = surface.read(path, pitch_um=pitch, unit=unit)
         healed = surface.heal(
-            given, method=cast(Method, method), ensemble=ensemble, seed=seed, reach_um=reach or None
+            given,
+            method=cast(Method, method),
+            ensemble=ensemble,
+            seed=seed,
+            reach_um=reach or None,
+            picture=None if image is None else surface.read_picture(image),
         )
         source = provenance.record(
             what=f"healed height map of {path.name}",
-            inputs=[path],
+            inputs=[path, *([image] if image else [])],
             parameters=healed.parameters,
             seed=seed,
             synthetic="synthetic" in given.attributes,

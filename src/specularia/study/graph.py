@@ -60,7 +60,7 @@ def stages_of(job: StudyJob, file: Path, *, seed: int | None = None) -> list[Sta
     if job.glass:
         stages.append(_model_c(job, seed))
     if job.healing:
-        stages += _healed(job, seed)
+        stages += _healed(job, sources, seed)
     names = [s.name for s in stages]
     made = tuple(n for n in ("model_m", "model_c", "model_h") if n in names)
     if made:
@@ -147,20 +147,17 @@ def _model_c(job: StudyJob, seed: int) -> Stage:
     )
 
 
-def _healed(job: StudyJob, seed: int) -> list[Stage]:
+def _healed(job: StudyJob, sources: Sources, seed: int) -> list[Stage]:
     """A stage for each face that is healed, and the model of the pane between them."""
     assert job.glass is not None and job.surface is not None and job.healing is not None
     slab = read_slab(job.glass.settings)
     given = [face for face in FACES if getattr(job.surface, face) is not None]
-    stages = [
-        Stage(
-            f"healed_{face}",
-            healed.healed,
-            needs=(f"heights_{face}",),
-            parameters={"face": face, "ensemble": job.healing.ensemble, "seed": seed + k},
-        )
-        for k, face in enumerate(given)
-    ]
+    stages = []
+    for k, face in enumerate(given):
+        picture = _files(sources, image=[getattr(job.surface, f"{face}_image")])
+        picture["needs"] = (f"heights_{face}", *picture["needs"])
+        parameters = {"face": face, "ensemble": job.healing.ensemble, "seed": seed + k}
+        stages.append(Stage(f"healed_{face}", healed.healed, parameters=parameters, **picture))
     return [
         *stages,
         Stage(

@@ -13,6 +13,7 @@ from specularia.surface.roughness import Roughness, roughness, slopes
 from specularia.surface.spectra import Spacing, Spectrum, power_spectrum
 from specularia.surface.stack import Stack, read_stack
 from specularia.surface.texture import MaterialRatio, SlopeDistribution, Texture, texture
+from specularia.surface.white_light import read_picture
 
 __all__ = [
     "FLAGS",
@@ -42,6 +43,7 @@ __all__ = [
     "power_spectrum",
     "read",
     "read_members",
+    "read_picture",
     "read_stack",
     "rms_sigma",
     "roughness",

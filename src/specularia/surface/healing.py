@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specularia.errors import PhysicsError, SpeculariaWarning
-from specularia.surface import baselines, plateaux, random_field
+from specularia.surface import baselines, plateaux, random_field, white_light
 from specularia.surface.heightmap import HeightMap, filled, plane
 from specularia.surface.plateaux import Slopes, without_specks
 from specularia.surface.roughness import roughness
@@ -105,6 +105,7 @@ def heal(
     ensemble: int = 12,
     seed: int = 0,
     reach_um: float | None = None,
+    picture: Array | None = None,
 ) -> Healed:
     """Find the pits of a map and draw what was there before them.
 
@@ -117,6 +118,9 @@ def heal(
     ensemble : members to draw (method "field"), >= 0.
     seed : of the draws.
     reach_um : cut-off of "gaussian", radius of "closing"; from the map if left out.
+    picture : [rows, columns], the field of the map under white light, in focus everywhere, row 0 at the
+        lowest y; any number of pixels. What is darker there than the plateaux is no plateau
+        (`white_light.dark`; method "field").
 
     Raises
     ------
@@ -155,7 +159,8 @@ def heal(
     # One thread of linear algebra: sums then have one order, so the same seed gives the same surface on any
     # number of cores, and on a busy machine threads that wait for each other would cost many times the work.
     with threadpool_limits(limits=1, user_api="blas"):
-        found = _find(surface, h, pitch)
+        shown = None if picture is None else white_light.on_grid(picture, surface.shape)
+        found = _find(surface, h, pitch, shown)
         return _drawn(surface, whole, trend, h, found, before, ensemble, np.random.default_rng(seed), seed)
 
 
@@ -172,7 +177,7 @@ class _Found:
     scatter: float
 
 
-def _find(surface: HeightMap, h: Array, pitch: tuple[float, float]) -> _Found:
+def _find(surface: HeightMap, h: Array, pitch: tuple[float, float], picture: Array | None) -> _Found:
     """Plateaux of h, by turns of fitting a field and judging pixels by it."""
     valid = surface.valid
     rough_noise = max(plateaux.noise_of(h), _FLOOR_UM)
@@ -182,6 +187,9 @@ def _find(surface: HeightMap, h: Array, pitch: tuple[float, float]) -> _Found:
             f"{surface.name}: patches smooth enough for an original surface cover {seeds.mean():.2%} of the "
             "map; nothing of it is left to go by."
         )
+    if picture is not None:
+        lit = ~white_light.dark(picture, seeds)
+        valid, seeds = valid & lit, without_specks(seeds & lit, 9)
     noise = max(plateaux.noise_of(h, seeds), _FLOOR_UM)
     broad = float(np.ptp(h))
     kept = _on_top(h, seeds, pitch, noise, broad)

@@ -23,7 +23,13 @@ def healed(work: Work) -> Mapping[str, Any]:
 
     face = work.parameters["face"]
     given = surface.read(work.results[f"heights_{face}"] / f"{face}.nc")
-    result = surface.heal(given, ensemble=work.parameters["ensemble"], seed=work.parameters["seed"])
+    named = work.files("image")
+    result = surface.heal(
+        given,
+        ensemble=work.parameters["ensemble"],
+        seed=work.parameters["seed"],
+        picture=surface.read_picture(named[0]) if named else None,
+    )
     surface.write_healed(result, work.folder / f"{face}.nc")
     synthetic = "synthetic" in given.attributes
     assert result.Sdq_interval is not None

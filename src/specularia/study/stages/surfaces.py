@@ -107,10 +107,6 @@ def _image(work: Work, face: str, height_map: HeightMap) -> Any:
     named = work.files(f"{face}_image")
     if not named:
         return height_map.image
-    import imageio.v3 as iio
-    import numpy as np
+    from specularia.surface import read_picture
 
-    picture = np.asarray(iio.imread(named[0]), float)
-    grey = picture.mean(axis=2) if picture.ndim == 3 else picture
-    # Pictures start with their top row, unless the file says that it does not.
-    return grey if b"row 0 = lowest y" in named[0].read_bytes()[:65536] else grey[::-1]
+    return read_picture(named[0])
