@@ -222,7 +222,12 @@ def _text(found: _Found, unknown: Sequence[Path], written: set[str]) -> str:
         "# The pane as it may have been before decay -> Model H; needs [surface] and [glass].\n"
         + section(
             "healing",
-            ["ensemble = 8                 # possible original surfaces of each face"],
+            [
+                "ensemble = 8                 # possible original surfaces of each face",
+                "# theta_deg = [0, 60]        # angles at which the interval is traced through all of them",
+                "# paths = 50_000             # there, for each of them",
+                "# model_paths = 200_000      # of Model H, per direction; left out: those of [trace]",
+            ],
             bool(kinds["stack"] or kinds["map"]) and bool(kinds["glass"]),
         ),
         "[xml]                        # the Radiance files of the models\n"
