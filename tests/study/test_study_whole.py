@@ -107,7 +107,7 @@ def test_a_small_specimen_goes_from_the_instruments_to_the_lit_room(tmp_path: Pa
     text = file.read_text()
     for pattern, setting in smaller.items():
         text, found = re.subn(pattern, setting, text)
-        assert found == 1
+        assert found, pattern
     file.write_text(text)
     room = tmp_path / "room.toml"
     room.write_text(

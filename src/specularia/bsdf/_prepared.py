@@ -22,9 +22,6 @@ distribution, taken at Chebyshev's points. It keeps the light of lobes of 1 to 3
 
 _NODES = -np.cos(np.pi * np.arange(_DEGREE + 1) / _DEGREE)
 
-_LEAST_CELLS = 256
-"""Points along each edge of both tables for that integral, at least."""
-
 _AZIMUTH_STEP = np.radians(12.0)
 """The same between azimuths: at most this far apart."""
 
@@ -82,12 +79,8 @@ class Prepared:
         missing = np.isnan(self._integrals[i, j])
         for a in np.unique(i[missing]):
             s = np.sin(self._angles[a : a + 1])
-            # Coarse tables bend between their cells' centres: more points than they have cells.
             x, y, weight = quadrature_cells(
-                float(s[0]),
-                max(self.base.shape[1], _LEAST_CELLS),
-                max(self.patch.shape[1], _LEAST_CELLS),
-                self.table.half_width,
+                float(s[0]), self.base.shape[1], self.patch.shape[1], self.table.half_width
             )
             for b in np.unique(j[missing & (i == a)]):
                 value = np.sum(weight * self._shape(s, self.azimuths[b : b + 1] % _FULL, x, y))

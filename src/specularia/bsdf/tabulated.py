@@ -37,9 +37,6 @@ __all__ = ["SideTable", "TabulatedModel", "base_index", "cell_centres"]
 
 _FULL = 2.0 * np.pi
 
-_LEAST_CELLS = 128
-"""Cells along each edge, at least, that the light of a side by reciprocity is summed over: to 0.1 %."""
-
 
 @dataclass(frozen=True)
 class TabulatedModel:
@@ -152,7 +149,7 @@ class TabulatedModel:
         out = np.full(theta.shape, np.nan)
         for k in np.ndindex(theta.shape):
             if good[k]:
-                q = self.quadrature(side, float(theta[k]), float(phi[k]), least=_LEAST_CELLS)
+                q = self.quadrature(side, float(theta[k]), float(phi[k]))
                 out[k] = np.sum(q.weight * self.evaluate(side, theta[k], phi[k], q.ux, q.uy))
         return out
 
@@ -175,18 +172,13 @@ class TabulatedModel:
             low, high = low * share, high * share
         return np.where(good, low, np.nan), np.where(good, high, np.nan)
 
-    def quadrature(
-        self, side: str, theta_i_deg: float, phi_i_deg: float = 0.0, *, least: int = 1
-    ) -> Quadrature:
-        """Cells of both tables around the undeflected direction, with their projected solid angles.
-
-        As many along each edge as the tables have, but `least` of them.
-        """
+    def quadrature(self, side: str, theta_i_deg: float, phi_i_deg: float = 0.0) -> Quadrature:
+        """Cells of both tables around the undeflected direction, with their projected solid angles."""
         table = self._table(side)
         x, y, weight = quadrature_cells(
             float(np.sin(np.radians(theta_i_deg))),
-            max(table.base.shape[1], least),
-            max(table.patch.shape[1], least),
+            table.base.shape[1],
+            table.patch.shape[1],
             table.half_width,
         )
         c, d = np.cos(np.radians(phi_i_deg)), np.sin(np.radians(phi_i_deg))

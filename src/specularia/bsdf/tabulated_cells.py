@@ -12,6 +12,9 @@ from specularia.conventions import square_to_disk
 
 __all__ = ["fill_beyond_horizon", "quadrature_cells"]
 
+_LEAST = 128
+"""Cells along each edge that light is summed over, at least."""
+
 _SUB = (np.arange(4) + 0.5) / 4 - 0.5
 
 
@@ -35,7 +38,12 @@ def fill_beyond_horizon(patch: NDArray[np.float32], s: float, half_width: float)
 
 
 def quadrature_cells(s: float, n: int, m: int, half_width: float) -> tuple[Array, Array, Array]:
-    """Centres and projected solid angles of both tables' cells; cut cells count with their inner share."""
+    """Centres and projected solid angles of both tables' cells; cut cells count with their inner share.
+
+    Tables of fewer than `_LEAST` cells along an edge, n of the whole or m of the fine one, bend between the
+    centres of their cells and are taken at more places.
+    """
+    n, m = max(n, _LEAST), max(m, _LEAST)
     k = (np.arange(n) + 0.5) / n
     a, b = (v.ravel() for v in np.meshgrid(k, k, indexing="ij"))
     x, y = square_to_disk(a, b)
