@@ -52,6 +52,7 @@ CELL, FINE, BOX = 0.005, 0.002, 0.15
 PATHS = 1_000_000
 TRUE_PATHS = 2_000_000
 APERTURE_DEG = 0.3
+_KEPT: list[Any] = []  # the library reads freed memory where its objects are let go
 
 Truth = Callable[[float, Any, Any], Any]
 
@@ -303,6 +304,7 @@ def bins_read_by_radiance(model: Any, path: Path, resolution: int, last: float) 
     from pyradiance import bsdf as library
 
     data, flags = library.load_file(str(path)), library.SAMPLE_ALL & ~library.SAMPLE_R
+    _KEPT.append(data)
     edges = bin_edges(resolution)
     out = []
     for high, low in pairwise(edges):
