@@ -338,8 +338,9 @@ def standard(name: str, files: Sequence[Path], known: Known, folder: Path) -> It
     good = worst(ours[:-1]) <= 3e-3 and abs(ours[-1]) <= 5e-3
     yield Row("tau at 0, 20, 40, 60, 82.5, off by %", name, "0.3, last 0.5", percent(ours), said, good)
     for g in (6, 7):
-        bsdf.write(model, folder / "ours.xml", resolution=g)
-        ours = bins_read_by_radiance(model, folder / "ours.xml", g, MEASURED[-1])
+        # The library keeps files by their names: each has its own.
+        bsdf.write(model, folder / f"ours{g}.xml", resolution=g)
+        ours = bins_read_by_radiance(model, folder / f"ours{g}.xml", g, MEASURED[-1])
         theirs = bins_read_by_radiance(model, folder / f"peer{g}.xml", g, MEASURED[-1]) if peers else [np.nan]
         yield Row(
             f"tau of {len(ours)} incidence bins of the XML, 2^{g}, read by Radiance, against the model's "
