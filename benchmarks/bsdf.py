@@ -57,6 +57,10 @@ class Gauss:
         return self.points
 
 
+# Radiance's library still points to what Python frees.
+_KEPT: list[Any] = []
+
+
 def look_up(path: Path, side: str) -> None:
     """Print values per second of both, on one file."""
     from pyradiance import bsdf as library
@@ -67,6 +71,7 @@ def look_up(path: Path, side: str) -> None:
     r = np.sqrt(rng.uniform(0, 0.99, PAIRS))
     ux, uy = r * np.cos(turn), r * np.sin(turn)
     model, peer = bsdf.read(path), library.load_file(str(path))
+    _KEPT.append(peer)
     few = slice(0, PEER_PAIRS)
     into = direction_angles(*to_radiance(*direction_cosines(theta[few], phi[few])))
     out = direction_angles(*to_radiance(ux[few], uy[few], -np.sqrt(1 - ux[few] ** 2 - uy[few] ** 2)))

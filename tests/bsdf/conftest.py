@@ -1,4 +1,4 @@
-"""Models with known answers, and Radiance's own reading of BSDF files."""
+"""Models with known answers."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ import pytest
 from specularia import bsdf
 from specularia.bsdf.cells import grid
 from specularia.bsdf.tabulated import cell_centres
-from specularia.conventions import direction_angles, direction_cosines, to_radiance
 
 
 @dataclass
@@ -131,55 +130,6 @@ def chiral() -> Chiral:
 @pytest.fixture(scope="session")
 def chiral_xml(chiral: Chiral, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return bsdf.write(chiral, tmp_path_factory.mktemp("chiral") / "chiral.xml", resolution=5).path
-
-
-class Referee:
-    """Radiance's library, through pyradiance, asked with our directions."""
-
-    def __init__(self) -> None:
-        from pyradiance import bsdf as library
-
-        self.library = library
-        # The library frees what Python lets go of while its own cache still points to it.
-        self._kept: dict[str, Any] = {}
-
-    def load(self, path: Path) -> Any:
-        key = str(path)
-        if key not in self._kept:
-            self._kept[key] = self.library.load_file(key)
-        return self._kept[key]
-
-    @staticmethod
-    def _angles(theta: float, phi: float) -> tuple[float, float]:
-        t, p = direction_angles(*to_radiance(*direction_cosines(theta, phi)))
-        return float(t), float(p)
-
-    def direct_hemispherical(
-        self, path: Path, side: str, theta_i_deg: float, phi_i_deg: float = 0.0
-    ) -> float:
-        part = self.library.SAMPLE_R if side.startswith("transmission") else self.library.SAMPLE_T
-        theta = theta_i_deg if side.endswith("front") else 180.0 - theta_i_deg
-        return float(
-            self.library.direct_hemi(
-                self.load(path), *self._angles(theta, phi_i_deg), self.library.SAMPLE_ALL & ~part
-            )
-        )
-
-    def query(self, path: Path, side: str, theta_i: Any, phi_i: Any, ux: Any, uy: Any) -> Any:
-        front = side.endswith("front")
-        up = front != side.startswith("transmission")
-        out = np.empty(np.size(theta_i))
-        for k in range(out.size):
-            incident = self._angles(theta_i[k] if front else 180.0 - theta_i[k], phi_i[k])
-            z = np.sqrt(max(1.0 - ux[k] ** 2 - uy[k] ** 2, 0.0)) * (1 if up else -1)
-            t, p = direction_angles(*to_radiance(ux[k], uy[k], z))
-            out[k] = self.library.query(self.load(path), *incident, float(t), float(p))[1]
-        return out
-
-
-@pytest.fixture(scope="session")
-def referee() -> Referee:
-    return Referee()
 
 
 @pytest.fixture

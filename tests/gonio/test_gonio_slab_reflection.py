@@ -55,19 +55,18 @@ def test_what_is_not_there_cannot_be_reflected(model: bsdf.TabulatedModel) -> No
         with_slab_reflection(model, index=0.9)
 
 
-def test_radiance_reads_the_reflection_of_the_bins(model: bsdf.TabulatedModel, tmp_path: Path) -> None:
-    from pyradiance import bsdf as radiance
-
+def test_radiance_reads_the_reflection_of_the_bins(
+    model: bsdf.TabulatedModel, tmp_path: Path, referee: Any
+) -> None:
     from specularia.bsdf.build_tree import bin_edges, bin_mean_tau
 
     whole = with_slab_reflection(model)
     path = tmp_path / "m.xml"
     bsdf.write(whole, path, resolution=5)
     assert "computed, not measured" in path.read_text()[:3000]
-    data = radiance.load_file(str(path))
     edges = bin_edges(5)
     for high, low in list(pairwise(edges))[::4]:
         centre = float(np.degrees(np.arcsin((low + high) / 2)))
-        found = radiance.direct_hemi(data, 180.0 - centre, 0.0, radiance.SAMPLE_ALL & ~radiance.SAMPLE_T)
+        found = referee.direct_hemispherical(path, "reflection_front", centre)
         mean = bin_mean_tau(whole, "reflection_front", low=float(low), high=float(high))
         assert found == pytest.approx(mean, rel=5e-3), centre
