@@ -1,18 +1,18 @@
 """Speed and agreement of the slab tracer against its peers, on one pane and in one run.
 
-    NUMBA_NUM_THREADS=1 python benchmarks/tracer.py [FOLDER] [--parts speed,options,radiance,...] [-o OUT.md]
+    python benchmarks/tracer.py [FOLDER] [--parts threads,model,speed,...] [-o OUT.md]
 
 FOLDER holds the prototype: `slab_tracer.py` and `height_maps.py` (default: ../shared/prototype beside
-the repository). Every part prints a table in Markdown. Times are CPU seconds unless a table says otherwise,
-ratios are of one run, and means over incident angles geometric.
+the repository). Every part prints a table in Markdown. Times are CPU seconds of one thread unless a table says
+otherwise, ratios are of one run, and means over incident angles geometric.
 
+threads   two threads against two processes of one thread (wall time; wants a calm machine)
+model     Model C from both sides to a noise of 3 % per direction (wall time, all threads; a calm machine)
 speed     thousand paths per second, s and p averaged, against the prototype
 options   what polarisation, bubbles and absorption cost
 radiance  noise times time in 64 x 64 bins against rfluxmtx on an array of tiles, with Radiance's R + T
 mitsuba   the same paths in Mitsuba, where that is installed with a libLLVM
-threads   two threads against two processes of one thread (wall time; wants a calm machine)
 embree    tau and 64 x 64 bins against Embree on the same mesh
-model     Model C from both sides to a noise of 3 % per direction (wall time, all threads)
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from collections.abc import Callable, Iterator
 from itertools import chain
 from pathlib import Path
 
+import numba
 import numpy as np
 
 from specularia.glass import BubbleKind, Face, Medium, Slab, trace
@@ -332,7 +333,7 @@ def model() -> Lines:
     yield f"| {total:.0f} million | {noise:.4f} | **{wall:.0f}** | {used:.0f} | 300 s on two cores |"
 
 
-PARTS = {f.__name__: f for f in (speed, options, radiance, mitsuba, threads, embree, model)}
+PARTS = {f.__name__: f for f in (threads, model, speed, options, radiance, mitsuba, embree)}
 
 
 def main() -> int:
@@ -350,13 +351,13 @@ def main() -> int:
         "# The slab tracer and its peers",
         "",
         f"Measured {time.strftime('%Y-%m-%d')} by `benchmarks/tracer.py` on {os.cpu_count()} cores "
-        f"({platform.machine()}), load {os.getloadavg()[0]:.1f}; NUMBA_NUM_THREADS="
-        f"{os.environ.get('NUMBA_NUM_THREADS', 'all')}; "
+        f"({platform.machine()}), load {os.getloadavg()[0]:.1f}; "
         + ", ".join(f"{k} {v}" for k, v in versions().items())
         + ". The pane is synthetic.",
     ]
     print("\n".join(lines))
     for name in given.parts.split(","):
+        numba.set_num_threads(numba.config.NUMBA_NUM_THREADS if name == "model" else 1)
         head = ("", f"## {name}: {(PARTS[name].__doc__ or '').strip()}", "")
         for line in chain(head, PARTS[name]()):
             lines.append(line)

@@ -202,9 +202,9 @@ def test_in_a_room_of_one_reflectance_the_mean_illuminance_is_that_of_an_integra
 
 
 def test_reflected_light_agrees_with_the_ambient_calculation_of_radiance(tmp_path) -> None:  # type: ignore[no-untyped-def]
-    from specularia.daylight.emission import emission_map
     from specularia.daylight.geometry import Box
     from specularia.daylight.outdoors import outdoors
+    from specularia.daylight.panes import Glazing, lights
     from specularia.daylight.scene import Scene
 
     points = np.array([(2.5, 0.002, 1.55), (2.5, 2.5, 0.002), (0.5, 4.0, 0.002), (2.5, 1.0, 2.998)])
@@ -218,8 +218,7 @@ def test_reflected_light_agrees_with_the_ambient_calculation_of_radiance(tmp_pat
     model = Diffuser(0.7)
     lit = daylight.run(job, models={"d": model})
     box, out = Box(job), outdoors(job)
-    maps = [emission_map(model, axes=box.panes[0].axes, outdoors=out)]
-    scene = Scene.make(tmp_path, box, maps, sampling=1.0)
+    scene = Scene.make(tmp_path, box, lights(box, [Glazing(model)], out, sampling=1.0), sampling=1.0)
     octree = scene.octree("peer", cell=0.3)
     options = "-h -I -n 2 -ab 12 -aa 0 -ad 1500 -as 0 -lw 2e-5 -ds .1 -dj .7 -dt 0 -dc 1"
     rays = "\n".join(" ".join(map(str, [*p, *n])) for p, n in zip(points, normals)).encode()

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specularia.bsdf import ScatteringModel
-from specularia.daylight.geometry import Box
+from specularia.daylight.geometry import ROOM, Box, pane_axes
 from specularia.daylight.outdoors import sun_direction
 from specularia.errors import CoverageError, FormatError, SpeculariaWarning
 
@@ -29,8 +29,8 @@ def check_room(box: Box, file: Path) -> None:
     for sensor in box.job.sensor:
         _check_sensor(box, sensor.name, np.array(sensor.position_m), np.array(sensor.normal), file)
     for view in box.job.view:
-        at = np.array(view.position_m)
-        if np.any(at < 0.01) or np.any(at > box.size - 0.01):
+        at = np.array([view.position_m])
+        if box.spaces(at)[0] < ROOM or box.distance(at)[0] < 0.01:
             raise FormatError(
                 file=file,
                 expected=f"view {view.name!r} at least 0.01 m inside the room of {_size(box)}",
@@ -43,21 +43,20 @@ def _size(box: Box) -> str:
 
 
 def _check_windows(box: Box, file: Path) -> None:
-    for k, pane in enumerate(box.panes):
-        width, height = box.faces[pane.window.wall].size
-        o = pane.opening
+    for k, (window, o) in enumerate(zip(box.job.window, box.mouths)):
+        width, height = box.faces[window.wall].size
         if o.u0 < -_TOUCH or o.v0 < -_TOUCH or o.u1 > width + _TOUCH or o.v1 > height + _TOUCH:
             raise FormatError(
                 file=file,
-                expected=f"window {pane.window.name!r} within its wall of {width:g} x {height:g} m",
-                found=f"an opening at {o.u0:g} to {o.u1:g} m along and {o.v0:g} to {o.v1:g} m up the wall",
+                expected=f"window {window.name!r} within its wall of {width:g} x {height:g} m",
+                found=f"an opening, splay included, at {o.u0:g} to {o.u1:g} m along and {o.v0:g} to {o.v1:g} m up the wall",
             )
-        for other in box.panes[:k]:
-            if other.window.wall == pane.window.wall and other.opening.overlaps(o):
+        for other, mouth in zip(box.job.window[:k], box.mouths):
+            if other.wall == window.wall and mouth.shared(o) > 1e-9:
                 raise FormatError(
                     file=file,
                     expected="windows that do not overlap",
-                    found=f"{other.window.name!r} and {pane.window.name!r} in the {pane.window.wall} wall do",
+                    found=f"{other.name!r} and {window.name!r} in the {window.wall} wall do",
                     advice="Set centre_m (and sill_m) of each.",
                 )
 
@@ -73,10 +72,10 @@ def _check_sun(box: Box, file: Path) -> None:
             advice="Leave the table [sun] out for a room without sun.",
         )
     sun = sun_direction(box.job)
-    behind = [p.window.name for p in box.panes if float(p.axes[2] @ sun) <= 0.0]
+    behind = [w.name for w in box.job.window if float(pane_axes(w.wall)[2] @ sun) <= 0.0]
     if behind and box.job.sun_shines:
         warnings.warn(
-            f"the sun stands behind the wall of {len(behind)} of {len(box.panes)} windows "
+            f"the sun stands behind the wall of {len(behind)} of {len(box.job.window)} windows "
             f"({', '.join(behind)}): only sky and ground light them.",
             SpeculariaWarning,
             stacklevel=2,
@@ -84,15 +83,15 @@ def _check_sun(box: Box, file: Path) -> None:
 
 
 def _check_sensor(box: Box, name: str, at: Array, normal: Array, file: Path) -> None:
-    if np.any(at < -_TOUCH) or np.any(at > box.size + _TOUCH):
+    if box.spaces(at[None])[0] < ROOM:
         raise FormatError(
             file=file,
             expected=f"sensor {name!r} inside the room of {_size(box)}",
             found=f"position_m = {at.tolist()}, in a wall or outside",
         )
     for face in box.faces.values():
-        height = float(face.coordinates(at)[2])
-        if height < 1e-3 and float(face.normal @ normal) < -1e-6:
+        u, v, height = face.coordinates(at)
+        if abs(height) < 1e-3 and face.holds(u, v) and float(face.normal @ normal) < -1e-6:
             raise FormatError(
                 file=file,
                 expected=f"sensor {name!r} on the {face.name} facing into the room",

@@ -24,21 +24,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specularia.bsdf import ScatteringModel
-from specularia.conventions import disk_to_square
 from specularia.daylight._grid import bilinear
 from specularia.daylight.outdoors import Outdoors, sun_disc
+from specularia.daylight.transfer import RIM, SkyTransfer
 from specularia.errors import CoverageError, SpeculariaWarning
 
-__all__ = ["EmissionMap", "back_reflectance", "emission_map"]
+__all__ = ["EmissionMap", "back_reflectance", "emission_map", "sun_map"]
 
 Array = NDArray[np.float64]
-
-_RIM = 0.99999
-"""Largest sine of an exit or incident angle that the model is asked for: 89.74 degrees."""
-
-
-_CELLS = 64
-"""Cells each way of the Shirley-Chiu square in which the sky's directions are gathered."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +54,11 @@ class EmissionMap:
         c = np.sqrt(np.maximum(1.0 - rr, 0.0))
         value = bilinear(self.s, self.t, self.luminance, ux / (1.0 + c), uy / (1.0 + c))
         return np.where(rr <= 1.0, value, np.nan)
+
+    def plus(self, table: Array, transfer: SkyTransfer, share: float = 1.0) -> EmissionMap:
+        """`share` of this map and the sky's light, a table of `SkyTransfer`, together."""
+        sky = transfer.at(table, *_exit_cosines(self.s, self.t))
+        return replace(self, luminance=share * self.luminance + sky)
 
     def coarsened(self) -> EmissionMap:
         """The map on every second node, with the same exitance, to see what its interpolation costs."""
@@ -129,8 +127,8 @@ def _exit_cosines(s: Array, t: Array) -> tuple[Array, Array]:
     """Direction cosines of the nodes; nodes beyond the unit circle are drawn back to the rim."""
     a, b = np.meshgrid(s, t, indexing="ij")
     r = np.hypot(a, b)
-    u = np.minimum(2.0 * r / (1.0 + r * r), _RIM)
-    u = np.where(r < 1.0, u, _RIM)
+    u = np.minimum(2.0 * r / (1.0 + r * r), RIM)
+    u = np.where(r < 1.0, u, RIM)
     scale = np.divide(u, r, out=np.zeros_like(r), where=r > 0)
     return a * scale, b * scale
 
@@ -138,7 +136,7 @@ def _exit_cosines(s: Array, t: Array) -> tuple[Array, Array]:
 def emission_map(
     model: ScatteringModel, *, axes: Array, outdoors: Outdoors, sampling: float = 1.0
 ) -> EmissionMap:
-    """Luminance that a pane shows to the room under this sun and sky.
+    """Luminance that a pane shows to the room under this sun and sky, nothing outside standing in the way.
 
     Parameters
     ----------
@@ -151,19 +149,23 @@ def emission_map(
     ------
     CoverageError : where the model does not know the sun's incident direction.
     """
-    sun = outdoors.sun if outdoors.sun_illuminance > 0.0 else None
-    if sun is not None and float(axes[2] @ sun) > 0.0:
-        x, y, z = axes @ sun
-        s, t = _axis(-x / (1.0 + z), sampling), _axis(-y / (1.0 + z), sampling)
-        ux, uy = _exit_cosines(s, t)
-        total = _sun_share(model, axes, sun, outdoors.sun_illuminance, s, t, ux, uy)
-    else:
-        s = t = _axis(None, sampling)
-        ux, uy = _exit_cosines(s, t)
-        total = np.zeros(ux.shape)
+    total = sun_map(model, axes=axes, outdoors=outdoors, sampling=sampling)
     if outdoors.zenith > 0.0 or outdoors.ground > 0.0:
-        total += _sky_share(model, axes, outdoors, sampling, ux, uy)
-    return EmissionMap(s=s, t=t, luminance=total)
+        transfer = SkyTransfer(model, sampling=sampling)
+        total = total.plus(transfer.tables(axes=axes, outdoors=outdoors)[0], transfer)
+    return total
+
+
+def sun_map(model: ScatteringModel, *, axes: Array, outdoors: Outdoors, sampling: float = 1.0) -> EmissionMap:
+    """The sun's share of `emission_map`; black where the sun stands behind the pane."""
+    sun = outdoors.sun if outdoors.sun_illuminance > 0.0 else None
+    if sun is None or float(axes[2] @ sun) <= 0.0:
+        s = t = _axis(None, sampling)
+        return EmissionMap(s, t, np.zeros((s.size, t.size)))
+    x, y, z = axes @ sun
+    s, t = _axis(-x / (1.0 + z), sampling), _axis(-y / (1.0 + z), sampling)
+    ux, uy = _exit_cosines(s, t)
+    return EmissionMap(s, t, _sun_share(model, axes, sun, outdoors.sun_illuminance, s, t, ux, uy))
 
 
 def _sun_share(
@@ -178,7 +180,7 @@ def _sun_share(
 ) -> Array:
     directions, weights = sun_disc(sun)
     local = directions @ axes.T
-    up = local[:, 2] > 1.0 - _RIM
+    up = local[:, 2] > 1.0 - RIM
     total, flux = np.zeros(ux.shape), 0.0
     for (x, y, z), w in zip(local[up], weights[up]):
         theta, phi = np.degrees(np.arctan2(np.hypot(x, y), z)), np.degrees(np.arctan2(y, x))
@@ -202,66 +204,6 @@ def _sun_share(
             stacklevel=2,
         )
     return total * (flux / held)
-
-
-def _sky_share(
-    model: ScatteringModel, axes: Array, outdoors: Outdoors, sampling: float, ux: Array, uy: Array
-) -> Array:
-    """The sky's share on a polar grid of exit directions, interpolated linearly to the map's nodes."""
-    n = int(np.ceil(24 * np.sqrt(sampling)))
-    theta = np.linspace(0.0, 90.0, n + 1)
-    theta[-1] = np.degrees(np.arcsin(_RIM))
-    phi = np.linspace(0.0, 360.0, 2 * n + 1)
-    same = _isotropic(model)
-    table = np.empty((n + 1, 2 * n + 1))
-    for j in range(n + 1):
-        x, y, share = _shares(model, float(theta[j]), 0.0)
-        for k in range(2 * n):
-            if not same and k > 0 and j > 0:
-                x, y, share = _shares(model, float(theta[j]), float(phi[k]))
-            turn = np.radians(phi[k]) if same else 0.0
-            c, d = np.cos(turn), np.sin(turn)
-            outward = np.sqrt(np.maximum(1.0 - x * x - y * y, 0.0))
-            seen = np.stack([x * c - y * d, x * d + y * c, outward], axis=1) @ axes
-            table[j, k] = share @ outdoors.luminance(seen)
-    table[:, -1] = table[:, 0]
-    at = np.degrees(np.arcsin(np.minimum(np.hypot(ux, uy), _RIM)))
-    return bilinear(theta, phi, table, at, np.mod(np.degrees(np.arctan2(uy, ux)), 360.0))
-
-
-def _shares(model: ScatteringModel, theta_deg: float, phi_deg: float) -> tuple[Array, Array, Array]:
-    """Directions outdoors (ux, uy) and how much of each one's luminance an exit direction shows.
-
-    The model's own points are gathered in cells of equal projected solid angle, about 2 degrees wide, each at
-    the centroid of what it holds: the sky changes little over a cell, and a few thousand directions say all.
-    """
-    q = model.quadrature("transmission_back", theta_deg, phi_deg)
-    f = model.evaluate("transmission_back", theta_deg, phi_deg, q.ux, q.uy)
-    part = q.weight * np.where(np.isfinite(f), f, 0.0)
-    a, b = disk_to_square(q.ux, q.uy)
-    i, j = (np.clip((v * _CELLS).astype(np.intp), 0, _CELLS - 1) for v in (a, b))
-    cell = i * _CELLS + j
-    total, x, y = (np.bincount(cell, v, _CELLS**2).astype(float) for v in (part, part * q.ux, part * q.uy))
-    kept = total > 0.0
-    return x[kept] / total[kept], y[kept] / total[kept], total[kept]
-
-
-def _isotropic(model: ScatteringModel) -> bool:
-    """Whether turning the pane about its normal changes nothing, tried at some directions.
-
-    Tables in cells may answer otherwise where a direction falls on a border, so a few may differ.
-    """
-    rng = np.random.default_rng(0)
-    theta, turn, azimuth = (
-        rng.uniform(0.0, 80.0, 64),
-        rng.uniform(0.0, 360.0, 64),
-        rng.uniform(0, 2 * np.pi, 64),
-    )
-    r = np.sqrt(rng.uniform(0.0, 0.95, 64))
-    one = model.evaluate("transmission_back", theta, 0.0, r * np.cos(azimuth), r * np.sin(azimuth))
-    azimuth = azimuth + np.radians(turn)
-    other = model.evaluate("transmission_back", theta, turn, r * np.cos(azimuth), r * np.sin(azimuth))
-    return int(np.sum(np.isclose(one, other, rtol=1e-4, atol=1e-9, equal_nan=True))) >= 58
 
 
 def back_reflectance(model: ScatteringModel) -> float | None:

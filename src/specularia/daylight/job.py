@@ -23,6 +23,13 @@ floor, inside. A room for the south window of a house, complete::
     height_m = 1.10
     sill_m = 1.0
     frame_m = 0.05                 # visible width of the frame on each side
+    rows = 1                       # a lattice of small panes, rows x columns, with bars between them
+    columns = 1
+    bar_m = 0.0
+    inner_reveal_m = 0.0           # depth of the pane behind the wall's room side, and its splay
+    inner_splay_deg = 0.0
+    outer_reveal_m = 0.0           # the same on the outside: it shades the pane
+    outer_splay_deg = 0.0
 
     [sun]                          # leave the table out for no sun
     elevation_deg = 75.0
@@ -47,27 +54,55 @@ floor, inside. A room for the south window of a house, complete::
     horizontal_deg = 60.0
     size_px = [240, 180]
 
+    [[obstacle]]                   # anything outside that shades the panes, as often as needed
+    name = "portico roof"
+    corners_m = [[0, -2, 3.2], [5, -2, 3.2], [5, 0, 3.2], [0, 0, 3.2]]
+    reflectance = 0.3
+
     [[model]]                      # or --model M=model_m.nc on the command line
     name = "M"
     file = "model_m.nc"
 
 The pane's front is outdoors: sample y is up, sample z points out of the room, sample x to the right of
 somebody who looks at the window from outside.
+
+Where single panes of a lattice have models of their own, `panes` names them as seen from inside, top row
+first; "*" stands for the model under comparison::
+
+    [[window]]
+    width_m = 0.7
+    height_m = 0.5
+    sill_m = 1.0
+    rows = 2
+    columns = 3
+    bar_m = 0.012
+    panes = [["*", "*", "old"], ["*", "old, turned", "*"]]
+
+    [[glass]]
+    name = "old"
+    file = "model_old.nc"
+
+    [[glass]]
+    name = "old, turned"
+    file = "model_old.nc"
+    turn_deg = 90.0
 """
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, field_validator, model_validator
+from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from specularia.jobs import FilePath, Job
 
 __all__ = [
     "WALLS",
+    "Glass",
     "Ground",
     "ModelFile",
+    "Obstacle",
     "Quality",
     "Reflectance",
     "RoomJob",
@@ -87,6 +122,15 @@ Share = Annotated[float, Field(ge=0.0, lt=1.0)]
 Metres = Annotated[float, Field(gt=0.0, le=1000.0)]
 Name = Annotated[str, Field(min_length=1, max_length=80)]
 Vector = tuple[float, float, float]
+
+
+def _three(value: Any) -> Any:
+    return (value,) * 3 if isinstance(value, (int, float)) else value
+
+
+Angle = Annotated[float, Field(ge=0.0, le=80.0)]
+Splay = Annotated[tuple[Angle, Angle, Angle], BeforeValidator(_three)]
+"""Of jambs, sill and head, in degrees."""
 
 
 def _unit(value: Vector) -> Vector:
@@ -115,6 +159,11 @@ class Reflectance(Job):
     walls: Share = 0.70
     floor: Share = 0.15
     frames: Share = 0.15
+    """Frames and the bars of lattices."""
+    reveals: Share | None = None
+    """Inner reveals of windows. Left out: as the walls."""
+    outside: Share = 0.3
+    """Outer reveals of windows."""
 
 
 class Window(Job):
@@ -131,18 +180,53 @@ class Window(Job):
     centre_m: Annotated[float, Field(gt=0.0)] | None = None
     """Where the opening's middle lies along the wall, from its west or south end. Left out: the middle."""
     frame_m: Annotated[float, Field(ge=0.0)] = 0.0
-    """Width of the frame on each of the four sides, flat in the wall's plane."""
+    """Width of the frame on each of the four sides, flat in the pane's plane."""
+    rows: Annotated[int, Field(ge=1, le=100)] = 1
+    """Panes above each other."""
+    columns: Annotated[int, Field(ge=1, le=100)] = 1
+    """Panes beside each other."""
+    bar_m: Annotated[float, Field(ge=0.0)] = 0.0
+    """Width of the bars between panes."""
+    panes: tuple[tuple[Name, ...], ...] = ()
+    """Name of the glass of every pane as seen from inside, top row first; "*" is the model under comparison.
+    Left out: that model everywhere."""
+    inner_reveal_m: Annotated[float, Field(ge=0.0, le=5.0)] = 0.0
+    """Depth of the pane behind the room side of its wall."""
+    inner_splay_deg: Splay = (0.0, 0.0, 0.0)
+    """By how much jambs, sill and head open towards the room; one number for all, or three."""
+    outer_reveal_m: Annotated[float, Field(ge=0.0, le=5.0)] = 0.0
+    """Depth of the pane behind the outer side of its wall; the reveal shades it."""
+    outer_splay_deg: Splay = (0.0, 0.0, 0.0)
+    """By how much jambs, sill and head open towards the outside."""
     pane_reflectance: Share | None = None
     """Reflectance of the pane for light from the room, taken as even scattering. Left out: the model's own
     diffuse-diffuse reflectance of the back, or 0.15 (clear glass, about) if the model has no reflection."""
 
     @model_validator(mode="after")
     def _pane_is_left(self) -> Window:
-        if 2.0 * self.frame_m >= min(self.width_m, self.height_m):
+        if min(self.pane_size) <= 1e-6:
             raise ValueError(
-                "a frame that leaves some pane: frame_m below half the opening's width and height"
+                "a frame and bars that leave some pane: frame_m below half the opening's width and height, "
+                "less the bars"
             )
         return self
+
+    @model_validator(mode="after")
+    def _panes_fit(self) -> Window:
+        if self.panes and (
+            len(self.panes) != self.rows or any(len(row) != self.columns for row in self.panes)
+        ):
+            raise ValueError(
+                f"panes with {self.rows} rows of {self.columns} names each, as rows and columns say"
+            )
+        return self
+
+    @property
+    def pane_size(self) -> tuple[float, float]:
+        """Width and height of each pane in m."""
+        width = self.width_m - 2.0 * self.frame_m - (self.columns - 1) * self.bar_m
+        height = self.height_m - 2.0 * self.frame_m - (self.rows - 1) * self.bar_m
+        return width / self.columns, height / self.rows
 
 
 class Sun(Job):
@@ -178,6 +262,50 @@ class Ground(Job):
     """[ground]: the ground outside, flat and even, lit by sun and sky."""
 
     reflectance: Share = 0.20
+
+
+class Glass(Job):
+    """[[glass]]: a model of its own for single panes of a lattice."""
+
+    name: Name
+    file: FilePath
+    """A .nc of ours, or a BSDF in .xml."""
+    turn_deg: Annotated[float, Field(ge=-360.0, le=360.0)] = 0.0
+    """By how much the sample is turned in its plane, counter-clockwise seen from outside."""
+
+    @field_validator("name")
+    @classmethod
+    def _not_the_star(cls, name: str) -> str:
+        if name == "*":
+            raise ValueError('a name other than "*", which stands for the model under comparison')
+        return name
+
+
+class Obstacle(Job):
+    """[[obstacle]]: something opaque outside, in the room's coordinates: a flat polygon, or a box."""
+
+    name: Name
+    corners_m: Annotated[tuple[Vector, ...], Field(min_length=3)] | None = None
+    """Of a flat convex polygon, in order."""
+    box_m: tuple[Vector, Vector] | None = None
+    """Two opposite corners of a box with level and upright faces."""
+    reflectance: Share = 0.3
+
+    @model_validator(mode="after")
+    def _one_shape(self) -> Obstacle:
+        if (self.corners_m is None) == (self.box_m is None):
+            raise ValueError("either corners_m or box_m")
+        if self.box_m is not None and not np.all(np.abs(np.subtract(*self.box_m)) > 0.0):
+            raise ValueError("a box_m with some width, depth and height")
+        if self.corners_m is not None:
+            c = np.array(self.corners_m)
+            turns = np.cross(np.roll(c, -1, axis=0) - c, np.roll(c, -2, axis=0) - np.roll(c, -1, axis=0))
+            normal = turns.sum(axis=0)
+            size = float(np.linalg.norm(normal))
+            flat = size > 0 and np.abs((c - c[0]) @ normal).max() <= 1e-6 * size * np.ptp(c, axis=0).max()
+            if not flat or np.any(turns @ normal < -1e-9 * size * size):
+                raise ValueError("the corners of a flat convex polygon in order")
+        return self
 
 
 class Sensor(Job):
@@ -247,6 +375,8 @@ class RoomJob(Job):
     ground: Ground = Ground()
     sensor: tuple[Sensor, ...] = ()
     view: tuple[View, ...] = ()
+    obstacle: tuple[Obstacle, ...] = ()
+    glass: tuple[Glass, ...] = ()
     model: tuple[ModelFile, ...] = ()
     quality: Quality = Quality()
 
@@ -260,11 +390,22 @@ class RoomJob(Job):
 
     @model_validator(mode="after")
     def _names_differ(self) -> RoomJob:
-        for kind in ("window", "sensor", "view", "model"):
+        for kind in ("window", "sensor", "view", "obstacle", "glass", "model"):
             names = [item.name for item in getattr(self, kind)]
             twice = sorted({n for n in names if names.count(n) > 1})
             if twice:
                 raise ValueError(f"{kind} names that differ; {', '.join(twice)} stands there twice")
+        return self
+
+    @model_validator(mode="after")
+    def _glass_is_there(self) -> RoomJob:
+        known = {g.name for g in self.glass} | {"*"}
+        for window in self.window:
+            missing = sorted({n for row in window.panes for n in row} - known)
+            if missing:
+                raise ValueError(
+                    f"a [[glass]] for every name in panes; window {window.name!r} names {', '.join(missing)}"
+                )
         return self
 
     @model_validator(mode="after")

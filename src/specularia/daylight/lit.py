@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from specularia.bsdf import ScatteringModel
 from specularia.daylight.checks import check_models, check_room
-from specularia.daylight.emission import EmissionMap, back_reflectance, emission_map
-from specularia.daylight.geometry import Box, Pane
+from specularia.daylight.geometry import Box
 from specularia.daylight.interreflection import Interreflection, Mesh, mesh, reflectances
 from specularia.daylight.job import Quality, RoomJob, View
 from specularia.daylight.outdoors import Outdoors, incident_illuminance, outdoors
+from specularia.daylight.panes import Glazing, Lights, lights
 from specularia.daylight.picture import IndirectField, project, render, write_hdr
 from specularia.daylight.results import DaylightResult, Image, PaneLuminance, Point
 from specularia.daylight.scene import Scene
@@ -30,9 +30,6 @@ __all__ = ["file_name", "run"]
 
 Array = NDArray[np.float64]
 
-_CLEAR_GLASS = 0.15
-"""Diffuse-diffuse reflectance of a clear pane, n = 1.5, both faces."""
-
 _FINE = 4.0
 """Fineness for sensors (see `Scene.illuminance`), where a steep flank or a narrow peak must be right."""
 
@@ -40,7 +37,7 @@ _FINE = 4.0
 def run(
     room: str | Path | RoomJob,
     *,
-    models: Mapping[str, ScatteringModel | str | Path] | None = None,
+    models: Mapping[str, ScatteringModel | Glazing | str | Path] | None = None,
     folder: str | Path | None = None,
     seed: int = 0,
     quality: Quality | None = None,
@@ -67,7 +64,7 @@ def run(
         job = job.model_copy(update={"quality": quality})
     box = Box(job)
     check_room(box, file)
-    given: dict[str, ScatteringModel | str | Path] = {m.name: m.file for m in job.model}
+    given: dict[str, ScatteringModel | Glazing | str | Path] = {m.name: m.file for m in job.model}
     given.update(models or {})
     if not given:
         raise FormatError(
@@ -76,89 +73,75 @@ def run(
             found="none",
             advice="Add [[model]] to the room or give --model NAME=FILE.",
         )
-    held = {name: _model(m) for name, m in given.items()}
-    check_models(held)
+    held = {name: _glazing(m) for name, m in given.items()}
+    own = {g.name: _glazing(g.file) for g in job.glass}
+    check_models({name: g.model for name, g in {**own, **held}.items()})
     out = outdoors(job)
     if folder is not None:
         folder = make_folder(folder)
-    inputs = [Path(m) for m in given.values() if isinstance(m, (str, Path))]
+    inputs = [Path(m) for m in given.values() if isinstance(m, (str, Path))] + [g.file for g in job.glass]
     provenance = record(
         what=f"daylight in {job.name}",
         inputs=inputs if isinstance(room, RoomJob) else [file, *inputs],
         parameters={
             "room": job,
-            "bands": {name: m.band for name, m in held.items()},
+            "bands": {name: g.model.band for name, g in {**own, **held}.items()},
             "sun_normal_lx": out.sun_illuminance,
             "sky_zenith_cd_m2": out.zenith,
             "sky_horizontal_lx": out.sky_illuminance,
             "ground_cd_m2": out.ground,
         },
         seed=seed,
-        synthetic=any("synthetic" in getattr(m, "attributes", {}) for m in held.values()),
+        synthetic=any(
+            "synthetic" in getattr(g.model, "attributes", {}) for g in [*own.values(), *held.values()]
+        ),
     )
     points: list[Point] = []
     images: list[Image] = []
     panes: list[PaneLuminance] = []
     with task("room", len(held) * (3 + len(job.view))) as progress:
-        spacing = 0.35 / np.sqrt(job.quality.sampling)
-        meshes = [mesh(box, k * spacing, points=0.09 * k / job.quality.sampling) for k in (1.0, 1.5)]
-        for name, model in held.items():
-            maps = _maps(model, box, out)
+        sampling = job.quality.sampling
+        spacing = 0.35 / np.sqrt(sampling)
+        meshes = [mesh(box, k * spacing, points=0.09 * k / sampling) for k in (1.0, 1.5)]
+        for name, glazing in held.items():
+            emitted = lights(
+                box, [own.get(p.model or "", glazing) for p in box.panes], out, sampling=sampling
+            )
             progress.advance()
             with tempfile.TemporaryDirectory(prefix="specularia-room-") as scratch:
-                scene = Scene.make(Path(scratch), box, maps, sampling=job.quality.sampling)
-                rho = [_reflectance(p, model) for p in box.panes]
-                light = [_interreflection(scene, m, rho) for m in meshes]
+                scene = Scene.make(Path(scratch), box, emitted, sampling=sampling)
+                light = [_interreflection(scene, m) for m in meshes]
                 progress.advance()
                 control = Scene.make(
-                    make_folder(Path(scratch) / "control"),
-                    box,
-                    [m.coarsened() for m in maps],
-                    sampling=job.quality.sampling,
+                    make_folder(Path(scratch) / "control"), box, emitted.coarsened(), sampling=sampling
                 )
                 points += _points(name, scene, control, light, seed)
                 progress.advance()
                 if folder is not None:
-                    field = IndirectField(box, light[0], 0.3 / np.sqrt(job.quality.sampling))
+                    field = IndirectField(box, light[0], 0.3 / np.sqrt(sampling))
                     for view in job.view:
-                        images.append(_image(name, view, scene, field, rho, folder, provenance))
+                        images.append(_image(name, view, scene, field, folder, provenance))
                         progress.advance()
-            panes += _panes(name, box, maps, out)
+            panes += _panes(name, box, emitted, out)
     return DaylightResult(points=points, images=images, panes=panes, provenance=provenance)
 
 
-def _model(given: ScatteringModel | str | Path) -> ScatteringModel:
+def _glazing(given: ScatteringModel | Glazing | str | Path) -> Glazing:
+    if isinstance(given, Glazing):
+        return given
     if isinstance(given, (str, Path)):
         from specularia import bsdf
 
-        return bsdf.read(given)
-    return given
+        return Glazing(bsdf.read(given))
+    return Glazing(given)
 
 
-def _maps(model: ScatteringModel, box: Box, out: Outdoors) -> list[EmissionMap]:
-    """The emission map of each pane; panes in one wall share theirs."""
-    by_wall: dict[str, EmissionMap] = {}
-    for pane in box.panes:
-        if pane.window.wall not in by_wall:
-            by_wall[pane.window.wall] = emission_map(
-                model, axes=pane.axes, outdoors=out, sampling=box.job.quality.sampling
-            )
-    return [by_wall[pane.window.wall] for pane in box.panes]
-
-
-def _reflectance(pane: Pane, model: ScatteringModel) -> float:
-    if pane.window.pane_reflectance is not None:
-        return pane.window.pane_reflectance
-    measured = back_reflectance(model)
-    return _CLEAR_GLASS if measured is None else measured
-
-
-def _interreflection(scene: Scene, m: Mesh, panes: Sequence[float]) -> Interreflection:
+def _interreflection(scene: Scene, m: Mesh) -> Interreflection:
     octree = scene.octree("coarse", cell=0.28 / scene.sampling)
     points, normals = m.points.reshape(-1, 3), m.normals.reshape(-1, 3)
     direct = scene.illuminance(octree, scene.box.lifted(points), normals, fineness=0.5)
-    flux = sum(e.exitance() * p.glass.area for e, p in zip(scene.maps, scene.box.panes))
-    return Interreflection(m, direct.reshape(m.points.shape[:2]), reflectances(scene.box, m, panes), flux)
+    rho = reflectances(m, scene.lights.reflectance)
+    return Interreflection(m, direct.reshape(m.points.shape[:2]), rho, scene.lights.flux)
 
 
 def _points(
@@ -204,16 +187,13 @@ def _image(
     view: View,
     scene: Scene,
     field: IndirectField,
-    panes: Sequence[float],
     folder: Path,
     provenance: Mapping[str, str],
 ) -> Image:
     # Radiance divides a source into 64 parts at most: larger pieces would show the needle of light that
     # smooth patches of the glass let through as a row of separate images.
     octree = scene.octree("picture", cell=0.1)
-    luminance = render(
-        view, scene=scene, octree=octree, field=field, panes=panes, fineness=1.0 / scene.sampling
-    )
+    luminance = render(view, scene=scene, octree=octree, field=field, fineness=1.0 / scene.sampling)
     stem = file_name(f"{name}_{view.name}")
     hdr = write_hdr(folder / f"{stem}.hdr", luminance, view, what=f"specularia daylight, model {name}")
     with atomic(folder / f"{stem}.npz") as temporary:
@@ -235,14 +215,29 @@ def _pixels(box: Box, view: View) -> dict[str, tuple[float, float]]:
     }
 
 
-def _panes(name: str, box: Box, maps: Sequence[EmissionMap], out: Outdoors) -> list[PaneLuminance]:
+def _panes(name: str, box: Box, emitted: Lights, out: Outdoors) -> list[PaneLuminance]:
     found = []
-    for pane, emission in zip(box.panes, maps):
+    for index, pane in enumerate(box.panes):
         sun, sky = incident_illuminance(out, pane.axes[2])
+        parts = emitted.of(index)
+        area = np.array([light.rectangle.area for light in parts])
+        exitance = float(emitted.sunlit[index] + emitted.skylit[index]) / pane.glass.area
         eyes = [("normal", -pane.axes[2])]
         eyes += [(v.name, np.array(v.position_m) - pane.centre) for v in box.job.view]
         for eye, direction in eyes:
             local = pane.axes @ (direction / np.linalg.norm(direction))
-            luminance = float(emission.towards(local[0], local[1])) if local[2] < 0 else 0.0
-            found.append(PaneLuminance(pane.window.name, name, eye, luminance, emission.exitance(), sun, sky))
+            seen = [float(emitted.maps[p.map].towards(local[0], local[1])) for p in parts]
+            luminance = float(area @ seen / area.sum()) if local[2] < 0 else 0.0
+            found.append(
+                PaneLuminance(
+                    window=pane.name,
+                    model=name,
+                    view=eye,
+                    luminance_cd_m2=luminance,
+                    exitance_lm_m2=exitance,
+                    sun_lx=sun,
+                    sky_lx=sky,
+                    sun_share=float(emitted.sun[index]),
+                )
+            )
     return found

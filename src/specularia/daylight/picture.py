@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 from specularia.conventions import LUMINOUS_EFFICACY
 from specularia.daylight._grid import bilinear
 from specularia.daylight.geometry import Box
-from specularia.daylight.interreflection import Interreflection, by_part
+from specularia.daylight.interreflection import Interreflection
 from specularia.daylight.job import View
 from specularia.daylight.scene import Scene
 from specularia.files import atomic
@@ -88,9 +87,7 @@ def _crowded(length: float, spacing: float) -> Array:
     return length * 0.5 * (1.0 - np.cos(np.pi * np.arange(n + 1) / n))
 
 
-def render(
-    view: View, *, scene: Scene, octree: str, field: IndirectField, panes: Sequence[float], fineness: float
-) -> Array:
+def render(view: View, *, scene: Scene, octree: str, field: IndirectField, fineness: float) -> Array:
     """Luminance picture [rows, columns] in cd/m2.
 
     One ray through the middle of each pixel; pixels next to which another surface begins get nine.
@@ -100,7 +97,6 @@ def render(
     view : what is looked at.
     scene, octree : the panes as light sources.
     field : reflected light on the faces.
-    panes : reflectance of each pane's room side.
     fineness : see `Scene.illuminance`.
     """
     columns, rows = view.size_px
@@ -112,14 +108,14 @@ def render(
         luminance, points = scene.look(octree, origins, directions, fineness=fineness)
         box = scene.box
         face, part, u, v = box.locate(points)
-        bare = np.array([f.reflectance for f in box.faces.values()])
         received = field.at(face, u, v)
         normals = np.array([f.normal for f in box.faces.values()])[face]
         glass = part >= 0
         # Radiance's light sources reflect nothing; what falls on a pane from panes in other walls comes here.
         received[glass] += scene.illuminance(octree, box.lifted(points[glass]), normals[glass])
-        rho = by_part(face, part, bare, box.job.reflectance.frames, panes)
-        return luminance + rho / np.pi * received, face * 1000 + part
+        rho = np.array([f.reflectance for f in box.faces.values()])[face]
+        rho[glass] = scene.lights.reflectance[part[glass]]
+        return luminance + rho / np.pi * received, face * (len(box.panes) + 3) + part
 
     luminance, surface = seen(c + 0.5, r + 0.5)
     picture, kind = luminance.reshape(rows, columns), surface.reshape(rows, columns)

@@ -64,11 +64,12 @@ class PaneLuminance:
 
     Attributes
     ----------
-    window, model : names.
+    window, model : names; a window of several panes has row and column added, as seen from inside.
     view : name of the view, or "normal" for the direction straight into the room.
     luminance_cd_m2 : from the pane's centre towards the eye (the emission map; without reflected room light).
     exitance_lm_m2 : light emitted into the room per area of pane.
-    sun_lx, sky_lx : illuminance on the pane's outer side by the sun, and by sky and ground.
+    sun_lx, sky_lx : illuminance on an unshaded plane in the pane's place by the sun, and by sky and ground.
+    sun_share : share of the sun's light that nothing outside keeps from the pane.
     """
 
     window: str
@@ -78,6 +79,7 @@ class PaneLuminance:
     exitance_lm_m2: float
     sun_lx: float
     sky_lx: float
+    sun_share: float = 1.0
 
 
 @dataclass(frozen=True)

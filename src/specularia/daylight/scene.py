@@ -8,7 +8,6 @@ every run gives the same answer; chance enters only by where the panes are cut (
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,7 +16,8 @@ from numpy.typing import NDArray
 
 from specularia.conventions import LUMINOUS_EFFICACY
 from specularia.daylight.emission import EmissionMap
-from specularia.daylight.geometry import Box, Pane
+from specularia.daylight.geometry import Box
+from specularia.daylight.panes import Light, Lights
 from specularia.errors import PhysicsError
 from specularia.radiance import run
 
@@ -53,31 +53,31 @@ class Scene:
     ----------
     folder : where the files lie.
     box : the room.
-    maps : emission map of each pane.
+    lights : what the panes emit.
     width_deg : the least `EmissionMap.width_deg` of the maps; it sets how finely a pane is sampled.
     sampling : density of points on the panes, times the quick one.
     """
 
     folder: Path
     box: Box
-    maps: Sequence[EmissionMap]
+    lights: Lights
     width_deg: float
     sampling: float
 
     @classmethod
-    def make(cls, folder: Path, box: Box, maps: Sequence[EmissionMap], *, sampling: float) -> Scene:
+    def make(cls, folder: Path, box: Box, lights: Lights, *, sampling: float) -> Scene:
         """Write the emission maps and the walls."""
         (folder / "pane.cal").write_text(_CAL)
-        for k, m in enumerate(maps):
-            (folder / f"pane{k}.dat").write_text(_data(m))
+        for k, m in enumerate(lights.maps):
+            (folder / f"map{k}.dat").write_text(_data(m))
         (folder / "walls.rad").write_text(_walls(box))
-        lit = [m.width_deg() for m in maps if m.luminance.max() > 0]
-        return cls(folder, box, maps, min(lit, default=90.0), sampling)
+        lit = [m.width_deg() for m in lights.maps if m.luminance.max() > 0]
+        return cls(folder, box, lights, min(lit, default=90.0), sampling)
 
     def octree(self, name: str, *, cell: float, shift: tuple[float, float] = (0.0, 0.0)) -> str:
         """Make an octree with the panes cut into cells of about `cell` metres; returns its file name."""
-        lights = "".join(_lights(k, p, self.box, cell, shift) for k, p in enumerate(self.box.panes))
-        (self.folder / f"{name}.rad").write_text(lights)
+        text = "".join(_light(k, one, self.box, cell, shift) for k, one in enumerate(self.lights.lights))
+        (self.folder / f"{name}.rad").write_text(text)
         octree = run(["oconv", "-f", "walls.rad", f"{name}.rad"], cwd=self.folder)
         (self.folder / f"{name}.oct").write_bytes(octree)
         return f"{name}.oct"
@@ -101,7 +101,7 @@ class Scene:
         command = ["rtrace", "-h", "-ff", "-ovp", *self._options(fineness), octree]
         out = np.frombuffer(run(command, data=data, cwd=self.folder), "<f4").reshape(-1, 6).astype(float)
         points = out[:, 3:]
-        off = np.min(np.abs(np.hstack([points, points - self.box.size])), axis=1) > 1e-3
+        off = self.box.distance(points) > 1e-3
         if off.any():
             raise PhysicsError(
                 f"{off.sum()} of {off.size} view rays ended in no face of the room; it is not closed."
@@ -132,26 +132,28 @@ def _polygon(modifier: str, name: str, corners: Array) -> str:
 
 def _walls(box: Box) -> str:
     """Everything opaque, as even scatterers; where a pane belongs there is a hole."""
-    job = box.job
-    shades = {"frames": job.reflectance.frames, **{f.name: f.reflectance for f in box.faces.values()}}
-    text = [f"void plastic {name}\n0\n0\n5 {r:.9g} {r:.9g} {r:.9g} 0 0\n\n" for name, r in shades.items()]
-    for face in box.faces.values():
-        for number, (r, part) in enumerate(box.cells(face.name, 1e9)):
-            if part < 0:
-                corners = face.point(np.array([r.u0, r.u1, r.u1, r.u0]), np.array([r.v0, r.v0, r.v1, r.v1]))
-                text.append(_polygon("frames" if part == -1 else face.name, f"{face.name}.{number}", corners))
+    text = []
+    for number, face in enumerate(box.faces.values()):
+        r = face.reflectance
+        text.append(f"void plastic face{number}\n0\n0\n5 {r:.9g} {r:.9g} {r:.9g} 0 0\n\n")
+        for k, cell in enumerate(box.cells(face.name, 1e9, follow=True)):
+            if cell.part < 0:
+                q = cell.rectangle
+                corners = face.point(np.array([q.u0, q.u1, q.u1, q.u0]), np.array([q.v0, q.v0, q.v1, q.v1]))
+                text.append(_polygon(f"face{number}", f"face{number}.{k}", corners))
     return "".join(text)
 
 
-def _lights(index: int, pane: Pane, box: Box, cell: float, shift: tuple[float, float]) -> str:
-    """A pane as light polygons whose normals point into the room."""
+def _light(index: int, light: Light, box: Box, cell: float, shift: tuple[float, float]) -> str:
+    """Part of a pane as light polygons whose normals point into the room."""
+    pane = box.panes[light.pane]
     x, y, out = pane.axes
     numbers = " ".join(f"{c:.9g}" for c in np.concatenate([x, y, -out]))
     text = [
-        f"void brightdata map{index}\n5 noop pane{index}.dat pane.cal pane_s pane_t\n0\n9 {numbers}\n\n",
+        f"void brightdata map{index}\n5 noop map{light.map}.dat pane.cal pane_s pane_t\n0\n9 {numbers}\n\n",
         f"map{index} light glow{index}\n0\n0\n3 1 1 1\n\n",
     ]
-    face, g = box.faces[pane.window.wall], pane.glass
+    face, g = box.faces[pane.face], light.rectangle
     us = g.u0 + cuts(g.u1 - g.u0, cell, shift[0])
     vs = g.v0 + cuts(g.v1 - g.v0, cell, shift[1])
     turned = float(np.cross(face.along, face.across) @ face.normal) < 0.0
@@ -160,6 +162,6 @@ def _lights(index: int, pane: Pane, box: Box, cell: float, shift: tuple[float, f
             u, v = us[[i, i + 1, i + 1, i]], vs[[j, j, j + 1, j + 1]]
             corners = face.point(u, v)
             text.append(
-                _polygon(f"glow{index}", f"pane{index}.{i}.{j}", corners[::-1] if turned else corners)
+                _polygon(f"glow{index}", f"light{index}.{i}.{j}", corners[::-1] if turned else corners)
             )
     return "".join(text)

@@ -1,0 +1,134 @@
+"""Panes as light sources: which map of emitted light belongs to which part of which pane."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specularia.bsdf import ScatteringModel
+from specularia.daylight.emission import EmissionMap, back_reflectance, sun_map
+from specularia.daylight.geometry import Box, Rectangle
+from specularia.daylight.outdoors import Outdoors
+from specularia.daylight.shading import Outside
+from specularia.daylight.transfer import SkyTransfer
+
+__all__ = ["Glazing", "Light", "Lights", "lights"]
+
+Array = NDArray[np.float64]
+
+_CLEAR_GLASS = 0.15
+"""Diffuse-diffuse reflectance of a clear pane, n = 1.5, both faces."""
+
+
+class Glazing:
+    """A scattering model in a window; what follows from it alone is kept for the next sky or wall."""
+
+    def __init__(self, model: ScatteringModel) -> None:
+        self.model = model
+        self._transfer: dict[float, SkyTransfer] = {}
+        self._reflectance: float | None = None
+
+    def transfer(self, sampling: float) -> SkyTransfer:
+        """Its `SkyTransfer` at this density."""
+        if sampling not in self._transfer:
+            self._transfer[sampling] = SkyTransfer(self.model, sampling=sampling)
+        return self._transfer[sampling]
+
+    @property
+    def reflectance(self) -> float:
+        """Diffuse-diffuse reflectance of its room side; that of clear glass if the model has none."""
+        if self._reflectance is None:
+            known = back_reflectance(self.model)
+            self._reflectance = _CLEAR_GLASS if known is None else known
+        return self._reflectance
+
+
+@dataclass(frozen=True)
+class Light:
+    """Part of a pane that emits evenly: pane and map by their indices, and where on the glazing's face."""
+
+    pane: int
+    map: int
+    rectangle: Rectangle
+
+
+@dataclass(frozen=True)
+class Lights:
+    """All that the panes of a room emit.
+
+    Attributes
+    ----------
+    maps : emitted light over exit direction.
+    lights : which part of which pane emits it.
+    reflectance : [panes] of their room sides.
+    sun : [panes] share of the sun's light on each pane that nothing outside takes away.
+    sunlit, skylit : [panes] lm by the sun and by sky and ground that each pane sheds into the room.
+    """
+
+    maps: list[EmissionMap]
+    lights: list[Light]
+    reflectance: Array
+    sun: Array
+    sunlit: Array
+    skylit: Array
+
+    @property
+    def flux(self) -> float:
+        """All light that enters, lm."""
+        return float(self.sunlit.sum() + self.skylit.sum())
+
+    def of(self, pane: int) -> list[Light]:
+        """The lights of a pane."""
+        return [light for light in self.lights if light.pane == pane]
+
+    def coarsened(self) -> Lights:
+        """The same light on every second node of the maps."""
+        maps = [m.coarsened() for m in self.maps]
+        return Lights(maps, self.lights, self.reflectance, self.sun, self.sunlit, self.skylit)
+
+
+def lights(box: Box, glazing: Sequence[Glazing], outdoors: Outdoors, *, sampling: float) -> Lights:
+    """What every pane emits under this sun and sky, `glazing` being that of each pane in turn."""
+    outside = Outside(box, outdoors)
+    dark = outdoors.zenith <= 0.0 and outdoors.ground <= 0.0
+    suns: dict[tuple[int, bytes], EmissionMap] = {}
+    whole: dict[tuple[int, bytes], int] = {}
+    maps: list[EmissionMap] = []
+    found: list[Light] = []
+    share, sunlit, skylit = np.ones(len(box.panes)), np.zeros(len(box.panes)), np.zeros(len(box.panes))
+    for index, (pane, glass) in enumerate(zip(box.panes, glazing)):
+        key = (id(glass), pane.axes.tobytes())
+        if key not in suns:
+            suns[key] = sun_map(glass.model, axes=pane.axes, outdoors=outdoors, sampling=sampling)
+        sun, first = suns[key], len(maps)
+        transfer = glass.transfer(sampling)
+        if len(outside.triangles) == 0:
+            if key not in whole:
+                table = None if dark else transfer.tables(axes=pane.axes, outdoors=outdoors)[0]
+                maps.append(sun if table is None else sun.plus(table, transfer))
+                whole[key] = first
+            found.append(Light(index, whole[key], pane.glass))
+        else:
+            shaded = outside.shade(pane, sampling)
+            tables = transfer.tables(
+                axes=pane.axes, outdoors=outdoors, hidden=shaded.hidden, instead=shaded.instead
+            )
+            area = np.array([place.area for place in shaded.places])
+            share[index] = float(area @ shaded.sun / area.sum())
+            for place, s, table in zip(shaded.places, shaded.sun, tables):
+                found.append(Light(index, len(maps), place))
+                maps.append(sun.plus(table, transfer, float(s)))
+        mine = [light for light in found if light.pane == index]
+        all_of_it = sum(maps[light.map].exitance() * light.rectangle.area for light in mine)
+        sunlit[index] = share[index] * sun.exitance() * pane.glass.area
+        skylit[index] = all_of_it - sunlit[index]
+    reflectance = np.array(
+        [
+            glass.reflectance if (given := box.job.window[pane.window].pane_reflectance) is None else given
+            for pane, glass in zip(box.panes, glazing)
+        ]
+    )
+    return Lights(maps, found, reflectance, share, sunlit, skylit)

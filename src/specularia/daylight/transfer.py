@@ -1,0 +1,137 @@
+"""Which directions outdoors each exit direction of a pane shows: the sky's share of what it emits.
+
+The light towards an exit direction o is an integral over incident directions, taken by the model's own
+quadrature for light that arrives on the back from o: by reciprocity f_front(i -> o) = f_back(o -> i), so that
+the points crowd where the pane, seen from o, shows the sky most. The points depend on the model alone and
+serve every sky, hour, wall and shaded place.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specularia.bsdf import ScatteringModel
+from specularia.conventions import disk_to_square, square_to_disk
+from specularia.daylight._grid import bilinear
+from specularia.daylight.outdoors import Outdoors
+
+__all__ = ["BINS", "RIM", "SkyTransfer", "bin_directions"]
+
+Array = NDArray[np.float64]
+
+RIM: Final = 0.99999
+"""Largest sine of an exit or incident angle that the model is asked for: 89.74 degrees."""
+
+BINS: Final = 64
+"""Bins each way of the Shirley-Chiu square in which incident directions are gathered, of about 2 degrees."""
+
+
+def bin_directions() -> Array:
+    """[BINS^2, 3] directions in the middle of each bin, in the sample's frame."""
+    k = (np.arange(BINS) + 0.5) / BINS
+    x, y = square_to_disk(*(v.ravel() for v in np.meshgrid(k, k, indexing="ij")))
+    return np.stack([x, y, np.sqrt(np.maximum(1.0 - x * x - y * y, 0.0))], axis=1)
+
+
+class SkyTransfer:
+    """Incident directions and their weights for exit directions on a polar grid.
+
+    Parameters
+    ----------
+    model : needs transmission_back.
+    sampling : density of the grid, times the quick one of 25 x 48 directions.
+
+    Attributes
+    ----------
+    theta, phi : nodes of the grid in degrees, theta from the normal into the room; phi closes at 360.
+    """
+
+    def __init__(self, model: ScatteringModel, *, sampling: float = 1.0) -> None:
+        n = int(np.ceil(24 * np.sqrt(sampling)))
+        self.theta = np.linspace(0.0, 90.0, n + 1)
+        self.theta[-1] = np.degrees(np.arcsin(RIM))
+        self.phi = np.linspace(0.0, 360.0, 2 * n + 1)
+        self.isotropic = _isotropic(model)
+        self._points: list[list[tuple[Array, Array, Array]]] = []
+        for j, theta in enumerate(self.theta):
+            turns = self.phi[:1] if self.isotropic or j == 0 else self.phi[:-1]
+            self._points.append([_shares(model, float(theta), float(p)) for p in turns])
+
+    def tables(
+        self, *, axes: Array, outdoors: Outdoors, hidden: Array | None = None, instead: Array | None = None
+    ) -> Array:
+        """Luminance towards the nodes of the grid, from places that see the outdoors differently.
+
+        Parameters
+        ----------
+        axes : [3, 3] rows: the sample's x, y, z (outwards) in the room's frame.
+        outdoors : sky and ground.
+        hidden : [P, BINS^2] share of each bin of incident directions that something hides from each place.
+        instead : [P, BINS^2] luminance in cd/m2, over the whole bin, of what hides it.
+
+        Returns
+        -------
+        [P, theta, phi] cd/m2; one place if nothing is hidden.
+        """
+        places = 1 if hidden is None else len(hidden)
+        out = np.empty((places, self.theta.size, self.phi.size))
+        for j, row in enumerate(self._points):
+            for k in range(self.phi.size - 1):
+                x, y, share = row[k if len(row) > 1 else 0]
+                turn = np.radians(self.phi[k]) if self.isotropic else 0.0
+                c, d = np.cos(turn), np.sin(turn)
+                x, y = x * c - y * d, x * d + y * c
+                outward = np.sqrt(np.maximum(1.0 - x * x - y * y, 0.0))
+                light = share * outdoors.luminance(np.stack([x, y, outward], axis=1) @ axes)
+                out[:, j, k] = light.sum()
+                if hidden is not None and instead is not None:
+                    b = _bin(x, y)
+                    out[:, j, k] += instead[:, b] @ share - hidden[:, b] @ light
+        out[:, :, -1] = out[:, :, 0]
+        return out
+
+    def at(self, table: Array, ux: Array, uy: Array) -> Array:
+        """Values of one of `tables` towards direction cosines, linear between the nodes."""
+        at = np.degrees(np.arcsin(np.minimum(np.hypot(ux, uy), RIM)))
+        return bilinear(self.theta, self.phi, table, at, np.mod(np.degrees(np.arctan2(uy, ux)), 360.0))
+
+
+def _bin(x: Array, y: Array) -> NDArray[np.intp]:
+    i, j = (np.clip((v * BINS).astype(np.intp), 0, BINS - 1) for v in disk_to_square(x, y))
+    return np.asarray(i * BINS + j)
+
+
+def _shares(model: ScatteringModel, theta_deg: float, phi_deg: float) -> tuple[Array, Array, Array]:
+    """Directions outdoors (ux, uy) and how much of each one's luminance an exit direction shows.
+
+    The model's own points are gathered in the bins, each at the centroid of what it holds: the sky changes
+    little over a bin, and a few thousand directions say all.
+    """
+    q = model.quadrature("transmission_back", theta_deg, phi_deg)
+    f = model.evaluate("transmission_back", theta_deg, phi_deg, q.ux, q.uy)
+    part = q.weight * np.where(np.isfinite(f), f, 0.0)
+    cell = _bin(q.ux, q.uy)
+    total, x, y = (np.bincount(cell, v, BINS**2).astype(float) for v in (part, part * q.ux, part * q.uy))
+    kept = total > 0.0
+    return x[kept] / total[kept], y[kept] / total[kept], total[kept]
+
+
+def _isotropic(model: ScatteringModel) -> bool:
+    """Whether turning the pane about its normal changes nothing, tried at some directions.
+
+    Tables in cells may answer otherwise where a direction falls on a border, so a few may differ.
+    """
+    rng = np.random.default_rng(0)
+    theta, turn, azimuth = (
+        rng.uniform(0.0, 80.0, 64),
+        rng.uniform(0.0, 360.0, 64),
+        rng.uniform(0, 2 * np.pi, 64),
+    )
+    r = np.sqrt(rng.uniform(0.0, 0.95, 64))
+    one = model.evaluate("transmission_back", theta, 0.0, r * np.cos(azimuth), r * np.sin(azimuth))
+    azimuth = azimuth + np.radians(turn)
+    other = model.evaluate("transmission_back", theta, turn, r * np.cos(azimuth), r * np.sin(azimuth))
+    return int(np.sum(np.isclose(one, other, rtol=1e-4, atol=1e-9, equal_nan=True))) >= 58
