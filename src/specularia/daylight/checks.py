@@ -49,7 +49,8 @@ def _check_windows(box: Box, file: Path) -> None:
             raise FormatError(
                 file=file,
                 expected=f"window {window.name!r} within its wall of {width:g} x {height:g} m",
-                found=f"an opening, splay included, at {o.u0:g} to {o.u1:g} m along and {o.v0:g} to {o.v1:g} m up the wall",
+                found=f"an opening at {o.u0:g} to {o.u1:g} m along and {o.v0:g} to {o.v1:g} m up the wall, "
+                "its splay included",
             )
         for other, mouth in zip(box.job.window[:k], box.mouths):
             if other.wall == window.wall and mouth.shared(o) > 1e-9:

@@ -244,6 +244,11 @@ class Box:
                     )
                 )
 
+    @property
+    def has_niches(self) -> bool:
+        """Whether any pane lies behind the room side of its wall."""
+        return any(w.inner_reveal_m > 0.0 for w in self.job.window)
+
     def mouth_corners(self, window: int) -> Array:
         """[4, 3] corners of the opening of a window's niche in its wall."""
         return _corners(self.faces[self.job.window[window].wall], self.mouths[window])

@@ -61,7 +61,8 @@ def mesh(box: Box, spacing: float, *, points: float) -> Mesh:
     `points` is the largest distance of the points in a rectangle, in metres.
     """
     n = int(np.ceil(spacing / points))
-    even = tuple(a.ravel() for a in np.meshgrid((np.arange(n) + 0.5) / n, (np.arange(n) + 0.5) / n))
+    s, t = np.meshgrid((np.arange(n) + 0.5) / n, (np.arange(n) + 0.5) / n)
+    even = (s.ravel(), t.ravel())
     g = 0.5 - 0.5 / np.sqrt(3.0)
     two = (np.array([g, 1 - g, 1 - g, g]), np.array([g, g, 1 - g, 1 - g]))
     corners = (np.array([0, 1, 1, 0]), np.array([0, 0, 1, 1]))

@@ -137,7 +137,7 @@ def _glazing(given: ScatteringModel | Glazing | str | Path) -> Glazing:
 
 
 def _interreflection(scene: Scene, m: Mesh) -> Interreflection:
-    octree = scene.octree("coarse", cell=0.28 / scene.sampling)
+    octree = scene.octree("coarse", cell=(0.14 if scene.box.has_niches else 0.28) / scene.sampling)
     points, normals = m.points.reshape(-1, 3), m.normals.reshape(-1, 3)
     direct = scene.illuminance(octree, scene.box.lifted(points), normals, fineness=0.5)
     rho = reflectances(m, scene.lights.reflectance)
@@ -159,10 +159,16 @@ def _points(
     at = scene.box.lifted(np.array([s.position_m for s in sensors]))
     normals = np.array([s.normal for s in sensors])
     repeats = scene.box.job.quality.repeats
+    # A pane that a niche hides in part is seen or not piece by piece, so the pieces must be small.
+    niches = scene.box.has_niches
     shifts = np.random.default_rng(seed).random((repeats, 2))
 
     def direct(which: Scene, shift: Array, fineness: float) -> Array:
-        octree = which.octree("sensors", cell=0.11 / scene.sampling, shift=(float(shift[0]), float(shift[1])))
+        octree = which.octree(
+            "sensors",
+            cell=(0.03 if niches else 0.11) / scene.sampling,
+            shift=(float(shift[0]), float(shift[1])),
+        )
         return which.illuminance(octree, at, normals, fineness=fineness)
 
     runs = np.stack([direct(scene, shift, _FINE) for shift in shifts])
@@ -192,7 +198,7 @@ def _image(
 ) -> Image:
     # Radiance divides a source into 64 parts at most: larger pieces would show the needle of light that
     # smooth patches of the glass let through as a row of separate images.
-    octree = scene.octree("picture", cell=0.1)
+    octree = scene.octree("picture", cell=0.05 if scene.box.has_niches else 0.1)
     luminance = render(view, scene=scene, octree=octree, field=field, fineness=1.0 / scene.sampling)
     stem = file_name(f"{name}_{view.name}")
     hdr = write_hdr(folder / f"{stem}.hdr", luminance, view, what=f"specularia daylight, model {name}")

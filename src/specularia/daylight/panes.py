@@ -104,15 +104,18 @@ def lights(box: Box, glazing: Sequence[Glazing], outdoors: Outdoors, *, sampling
         if key not in suns:
             suns[key] = sun_map(glass.model, axes=pane.axes, outdoors=outdoors, sampling=sampling)
         sun, first = suns[key], len(maps)
-        transfer = glass.transfer(sampling)
         if len(outside.triangles) == 0:
             if key not in whole:
-                table = None if dark else transfer.tables(axes=pane.axes, outdoors=outdoors)[0]
-                maps.append(sun if table is None else sun.plus(table, transfer))
+                if dark:
+                    maps.append(sun)
+                else:
+                    transfer = glass.transfer(sampling)
+                    maps.append(sun.plus(transfer.tables(axes=pane.axes, outdoors=outdoors)[0], transfer))
                 whole[key] = first
             found.append(Light(index, whole[key], pane.glass))
         else:
             shaded = outside.shade(pane, sampling)
+            transfer = glass.transfer(sampling)
             tables = transfer.tables(
                 axes=pane.axes, outdoors=outdoors, hidden=shaded.hidden, instead=shaded.instead
             )
