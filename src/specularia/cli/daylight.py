@@ -55,6 +55,7 @@ def run(
                     "model": p.model,
                     "illuminance_lx": p.illuminance_lx,
                     "se": p.se,
+                    "interval_lx": p.interval_lx,
                     "direct_lx": p.direct_lx,
                     "indirect_lx": p.indirect_lx,
                 }
@@ -79,14 +80,16 @@ def run(
                     "exitance_lm_m2": p.exitance_lm_m2,
                     "sun_lx": p.sun_lx,
                     "sky_lx": p.sky_lx,
+                    "sun_share": p.sun_share,
                 }
                 for p in lit.panes
             ],
+            "intervals": lit.intervals,
         }
         write_json(output / "daylight.json", {**result, "provenance": lit.provenance})
         lines = table(
-            ["point", "model", "illuminance lx", "se"],
-            [[p.name, p.model, p.illuminance_lx, p.se] for p in lit.points],
+            ["point", "model", "illuminance lx", "se", "95 % from", "to"],
+            [[p.name, p.model, p.illuminance_lx, p.se, *(p.interval_lx or (None, None))] for p in lit.points],
         )
         lines += table(
             ["window", "model", "seen", "luminance cd/m2"],

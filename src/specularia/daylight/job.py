@@ -4,6 +4,7 @@ The room's own compass: x runs east, y north, z up, in metres; the origin is the
 floor, inside. A room for the south window of a house, complete::
 
     name = "a room with one window"
+    references = ["no glass", "clear slab", "diffuser"]    # computed beside the models, if wanted
 
     [room]
     width_m = 5.0                  # along the south wall (x)
@@ -90,6 +91,7 @@ first; "*" stands for the model under comparison::
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -348,6 +350,16 @@ class ModelFile(Job):
     name: Name
     file: FilePath
     """A .nc of ours, or a BSDF in .xml."""
+    members: tuple[FilePath, ...] = ()
+    """Models of the same pane as it may be, at least two: a healed ensemble, or patches. Each lights the room
+    by itself; their spread gives the interval of the points."""
+
+    @field_validator("members")
+    @classmethod
+    def _some_members(cls, members: tuple[Path, ...]) -> tuple[Path, ...]:
+        if len(members) == 1:
+            raise ValueError("two members or more, or none")
+        return members
 
 
 class Quality(Job):
@@ -367,6 +379,9 @@ class RoomJob(Job):
     """The whole ROOM.toml."""
 
     name: Name = "room"
+    references: tuple[Literal["no glass", "clear slab", "diffuser"], ...] = ()
+    """Panes to compare with, beside the models: nothing at all, a clear slab of index 1.52 that absorbs
+    nothing, and a diffuser that passes all light."""
     room: RoomSize
     reflectance: Reflectance = Reflectance()
     window: Annotated[tuple[Window, ...], Field(min_length=1)]

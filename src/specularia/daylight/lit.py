@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtri
 
 from specularia.bsdf import ScatteringModel
+from specularia.daylight.beam import beam_illuminance
 from specularia.daylight.checks import check_models, check_room
 from specularia.daylight.geometry import Box
 from specularia.daylight.interreflection import Interreflection, Mesh, mesh, reflectances
@@ -18,8 +21,10 @@ from specularia.daylight.job import Quality, RoomJob, View
 from specularia.daylight.outdoors import Outdoors, incident_illuminance, outdoors
 from specularia.daylight.panes import Glazing, Lights, lights
 from specularia.daylight.picture import IndirectField, project, render, write_hdr
+from specularia.daylight.references import reference
 from specularia.daylight.results import DaylightResult, Image, PaneLuminance, Point
 from specularia.daylight.scene import Scene
+from specularia.daylight.uncertainty import LEVEL, relative_error, spread_interval
 from specularia.errors import FormatError
 from specularia.files import atomic, make_folder
 from specularia.jobs import load_toml
@@ -66,6 +71,7 @@ def run(
     check_room(box, file)
     given: dict[str, ScatteringModel | Glazing | str | Path] = {m.name: m.file for m in job.model}
     given.update(models or {})
+    given.update({name: reference(name) for name in job.references})
     if not given:
         raise FormatError(
             file=file,
@@ -80,6 +86,7 @@ def run(
     if folder is not None:
         folder = make_folder(folder)
     inputs = [Path(m) for m in given.values() if isinstance(m, (str, Path))] + [g.file for g in job.glass]
+    inputs += [f for m in job.model for f in m.members]
     provenance = record(
         what=f"daylight in {job.name}",
         inputs=inputs if isinstance(room, RoomJob) else [file, *inputs],
@@ -99,14 +106,20 @@ def run(
     points: list[Point] = []
     images: list[Image] = []
     panes: list[PaneLuminance] = []
-    with task("room", len(held) * (3 + len(job.view))) as progress:
-        sampling = job.quality.sampling
+    intervals: dict[str, str] = {}
+    sampling = job.quality.sampling
+    members = {m.name: [_glazing(f) for f in m.members] for m in job.model if m.members}
+    steps = len(held) * (3 + (len(job.view) if folder is not None else 0))
+    with task("room", steps + 2 * sum(len(m) for m in members.values())) as progress:
         spacing = 0.35 / np.sqrt(sampling)
         meshes = [mesh(box, k * spacing, points=0.09 * k / sampling) for k in (1.0, 1.5)]
+
+        def emitted_by(glazing: Glazing) -> tuple[list[Glazing], Lights]:
+            each = [own.get(p.model or "", glazing) for p in box.panes]
+            return each, lights(box, each, out, sampling=sampling)
+
         for name, glazing in held.items():
-            emitted = lights(
-                box, [own.get(p.model or "", glazing) for p in box.panes], out, sampling=sampling
-            )
+            each, emitted = emitted_by(glazing)
             progress.advance()
             with tempfile.TemporaryDirectory(prefix="specularia-room-") as scratch:
                 scene = Scene.make(Path(scratch), box, emitted, sampling=sampling)
@@ -115,7 +128,7 @@ def run(
                 control = Scene.make(
                     make_folder(Path(scratch) / "control"), box, emitted.coarsened(), sampling=sampling
                 )
-                points += _points(name, scene, control, light, seed)
+                found = _points(name, scene, control, light, seed)
                 progress.advance()
                 if folder is not None:
                     field = IndirectField(box, light[0], 0.3 / np.sqrt(sampling))
@@ -123,7 +136,34 @@ def run(
                         images.append(_image(name, view, scene, field, folder, provenance))
                         progress.advance()
             panes += _panes(name, box, emitted, out)
-    return DaylightResult(points=points, images=images, panes=panes, provenance=provenance)
+            others = []
+            for member in members.get(name, []):
+                _, theirs = emitted_by(member)
+                progress.advance()
+                with tempfile.TemporaryDirectory(prefix="specularia-room-") as scratch:
+                    scene = Scene.make(Path(scratch), box, theirs, sampling=sampling)
+                    others.append(_levels(scene, _interreflection(scene, meshes[0]), seed))
+                progress.advance()
+            with_them, intervals[name] = _intervals(found, relative_error(box, each, emitted), others)
+            points += with_them
+    return DaylightResult(
+        points=points, images=images, panes=panes, provenance=provenance, intervals=intervals
+    )
+
+
+def _intervals(points: list[Point], relative: float | None, members: list[Array]) -> tuple[list[Point], str]:
+    """Points with the interval that the model's own uncertainty gives, and what it rests on."""
+    middle, se = (np.array([getattr(p, k) for p in points]) for k in ("illuminance_lx", "se"))
+    if members:
+        low, high = spread_interval(np.array(members), middle, se)
+        what = f"spread of {len(members)} members, 95 %"
+    elif relative is not None:
+        half = ndtri(0.5 + 0.5 * LEVEL) * np.hypot(relative * middle, se)
+        low, high = np.maximum(middle - half, 0.0), middle + half
+        what = f"interval of the transmission, {100 * relative:.2g} % (standard error), 95 %"
+    else:
+        return points, "none: the model's file states no uncertainty"
+    return [replace(p, interval_lx=(float(a), float(b))) for p, a, b in zip(points, low, high)], what
 
 
 def _glazing(given: ScatteringModel | Glazing | str | Path) -> Glazing:
@@ -139,9 +179,38 @@ def _glazing(given: ScatteringModel | Glazing | str | Path) -> Glazing:
 def _interreflection(scene: Scene, m: Mesh) -> Interreflection:
     octree = scene.octree("coarse", cell=(0.14 if scene.box.has_niches else 0.28) / scene.sampling)
     points, normals = m.points.reshape(-1, 3), m.normals.reshape(-1, 3)
-    direct = scene.illuminance(octree, scene.box.lifted(points), normals, fineness=0.5)
+    lifted = scene.box.lifted(points)
+    direct = scene.illuminance(octree, lifted, normals, fineness=0.5)
+    direct += beam_illuminance(scene.box, scene.lights, lifted, normals)
     rho = reflectances(m, scene.lights.reflectance)
     return Interreflection(m, direct.reshape(m.points.shape[:2]), rho, scene.lights.flux)
+
+
+def _sensors(box: Box) -> tuple[Array, Array]:
+    sensors = box.job.sensor
+    return box.lifted(np.array([s.position_m for s in sensors])), np.array([s.normal for s in sensors])
+
+
+def _direct(scene: Scene, shift: Array, fineness: float) -> Array:
+    """[K] lx straight from the panes at the sensors, the panes cut at places that `shift` chooses."""
+    # A pane that a niche hides in part is seen or not piece by piece, so the pieces must be small.
+    cell = (0.03 if scene.box.has_niches else 0.11) / scene.sampling
+    octree = scene.octree("sensors", cell=cell, shift=(float(shift[0]), float(shift[1])))
+    return scene.illuminance(octree, *_sensors(scene.box), fineness=fineness)
+
+
+def _shifts(scene: Scene, seed: int) -> Array:
+    return np.random.default_rng(seed).random((scene.box.job.quality.repeats, 2))
+
+
+def _levels(scene: Scene, light: Interreflection, seed: int) -> Array:
+    """[K] lx at the sensors."""
+    if not scene.box.job.sensor:
+        return np.zeros(0)
+    at, normals = _sensors(scene.box)
+    first = np.mean([_direct(scene, shift, _FINE) for shift in _shifts(scene, seed)], axis=0)
+    beam = beam_illuminance(scene.box, scene.lights, at, normals)
+    return np.asarray(first + beam + light.illuminance(at, normals))
 
 
 def _points(
@@ -153,33 +222,19 @@ def _points(
     emission map and points on the panes are half as dense (both errors fall with the square of the density);
     and the change of the reflected light when the mesh of the walls is coarser by half.
     """
-    sensors = scene.box.job.sensor
-    if not sensors:
+    if not scene.box.job.sensor:
         return []
-    at = scene.box.lifted(np.array([s.position_m for s in sensors]))
-    normals = np.array([s.normal for s in sensors])
-    repeats = scene.box.job.quality.repeats
-    # A pane that a niche hides in part is seen or not piece by piece, so the pieces must be small.
-    niches = scene.box.has_niches
-    shifts = np.random.default_rng(seed).random((repeats, 2))
-
-    def direct(which: Scene, shift: Array, fineness: float) -> Array:
-        octree = which.octree(
-            "sensors",
-            cell=(0.03 if niches else 0.11) / scene.sampling,
-            shift=(float(shift[0]), float(shift[1])),
-        )
-        return which.illuminance(octree, at, normals, fineness=fineness)
-
-    runs = np.stack([direct(scene, shift, _FINE) for shift in shifts])
-    spread = runs.std(axis=0, ddof=1) / np.sqrt(repeats)
-    resolution = (runs[0] - direct(control, shifts[0], _FINE / 2)) / 3
-    first = runs.mean(axis=0)
+    at, normals = _sensors(scene.box)
+    shifts = _shifts(scene, seed)
+    runs = np.stack([_direct(scene, shift, _FINE) for shift in shifts])
+    spread = runs.std(axis=0, ddof=1) / np.sqrt(len(runs))
+    resolution = (runs[0] - _direct(control, shifts[0], _FINE / 2)) / 3
+    first = runs.mean(axis=0) + beam_illuminance(scene.box, scene.lights, at, normals)
     fine, coarse = (part.illuminance(at, normals) for part in light)
     se = np.sqrt(spread**2 + resolution**2 + (fine - coarse) ** 2)
     return [
         Point(s.name, name, float(d + i), float(e), float(d), float(i))
-        for s, d, i, e in zip(sensors, first, fine, se)
+        for s, d, i, e in zip(scene.box.job.sensor, first, fine, se)
     ]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,7 @@ class Glazing:
         self.model = model
         self._transfer: dict[float, SkyTransfer] = {}
         self._reflectance: float | None = None
+        self.assumed_reflectance = _CLEAR_GLASS
 
     def transfer(self, sampling: float) -> SkyTransfer:
         """Its `SkyTransfer` at this density."""
@@ -37,12 +38,16 @@ class Glazing:
             self._transfer[sampling] = SkyTransfer(self.model, sampling=sampling)
         return self._transfer[sampling]
 
+    def undeflected(self, theta_deg: float) -> float:
+        """Share of the sun's light that passes as a beam; see `references`."""
+        return 0.0
+
     @property
     def reflectance(self) -> float:
-        """Diffuse-diffuse reflectance of its room side; that of clear glass if the model has none."""
+        """Diffuse-diffuse reflectance of its room side; the assumed one if the model has none."""
         if self._reflectance is None:
             known = back_reflectance(self.model)
-            self._reflectance = _CLEAR_GLASS if known is None else known
+            self._reflectance = self.assumed_reflectance if known is None else known
         return self._reflectance
 
 
@@ -66,6 +71,9 @@ class Lights:
     reflectance : [panes] of their room sides.
     sun : [panes] share of the sun's light on each pane that nothing outside takes away.
     sunlit, skylit : [panes] lm by the sun and by sky and ground that each pane sheds into the room.
+    beam : [panes] lx square to the sun of what passes undeflected, see `beam`.
+    sun_direction : [3] towards the sun, or None.
+    triangles : [T, 3, 3] of all that stands outside.
     """
 
     maps: list[EmissionMap]
@@ -74,6 +82,9 @@ class Lights:
     sun: Array
     sunlit: Array
     skylit: Array
+    beam: Array
+    sun_direction: Array | None
+    triangles: Array
 
     @property
     def flux(self) -> float:
@@ -87,7 +98,7 @@ class Lights:
     def coarsened(self) -> Lights:
         """The same light on every second node of the maps."""
         maps = [m.coarsened() for m in self.maps]
-        return Lights(maps, self.lights, self.reflectance, self.sun, self.sunlit, self.skylit)
+        return replace(self, maps=maps)
 
 
 def lights(box: Box, glazing: Sequence[Glazing], outdoors: Outdoors, *, sampling: float) -> Lights:
@@ -98,11 +109,17 @@ def lights(box: Box, glazing: Sequence[Glazing], outdoors: Outdoors, *, sampling
     whole: dict[tuple[int, bytes], int] = {}
     maps: list[EmissionMap] = []
     found: list[Light] = []
+    beam = np.zeros(len(box.panes))
+    towards = outdoors.sun if outdoors.sun_illuminance > 0.0 else None
     share, sunlit, skylit = np.ones(len(box.panes)), np.zeros(len(box.panes)), np.zeros(len(box.panes))
     for index, (pane, glass) in enumerate(zip(box.panes, glazing)):
         key = (id(glass), pane.axes.tobytes())
+        cosine = 0.0 if towards is None else max(float(towards @ pane.axes[2]), 0.0)
+        straight = glass.undeflected(float(np.degrees(np.arccos(min(cosine, 1.0))))) if cosine > 0.0 else 0.0
+        beam[index] = straight * outdoors.sun_illuminance
         if key not in suns:
-            suns[key] = sun_map(glass.model, axes=pane.axes, outdoors=outdoors, sampling=sampling)
+            seen = outdoors if straight == 0.0 else replace(outdoors, sun_illuminance=0.0)
+            suns[key] = sun_map(glass.model, axes=pane.axes, outdoors=seen, sampling=sampling)
         sun, first = suns[key], len(maps)
         if len(outside.triangles) == 0:
             if key not in whole:
@@ -128,10 +145,21 @@ def lights(box: Box, glazing: Sequence[Glazing], outdoors: Outdoors, *, sampling
         all_of_it = sum(maps[light.map].exitance() * light.rectangle.area for light in mine)
         sunlit[index] = share[index] * sun.exitance() * pane.glass.area
         skylit[index] = all_of_it - sunlit[index]
+        sunlit[index] += share[index] * beam[index] * cosine * pane.glass.area
     reflectance = np.array(
         [
             glass.reflectance if (given := box.job.window[pane.window].pane_reflectance) is None else given
             for pane, glass in zip(box.panes, glazing)
         ]
     )
-    return Lights(maps, found, reflectance, share, sunlit, skylit)
+    return Lights(
+        maps=maps,
+        lights=found,
+        reflectance=reflectance,
+        sun=share,
+        sunlit=sunlit,
+        skylit=skylit,
+        beam=beam,
+        sun_direction=towards,
+        triangles=outside.triangles,
+    )

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from specularia.conventions import LUMINOUS_EFFICACY
 from specularia.daylight._grid import bilinear
+from specularia.daylight.beam import beam_illuminance
 from specularia.daylight.geometry import Box
 from specularia.daylight.interreflection import Interreflection
 from specularia.daylight.job import View
@@ -113,6 +114,7 @@ def render(view: View, *, scene: Scene, octree: str, field: IndirectField, finen
         glass = part >= 0
         # Radiance's light sources reflect nothing; what falls on a pane from panes in other walls comes here.
         received[glass] += scene.illuminance(octree, box.lifted(points[glass]), normals[glass])
+        received += beam_illuminance(box, scene.lights, box.lifted(points), normals)
         rho = np.array([f.reflectance for f in box.faces.values()])[face]
         rho[glass] = scene.lights.reflectance[part[glass]]
         return luminance + rho / np.pi * received, face * (len(box.panes) + 3) + part

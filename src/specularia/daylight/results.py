@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +24,8 @@ class Point:
     se : its numerical standard error in lx (cutting of the panes, mesh of the walls); the uncertainty of the
         model, of the sky and of the room is not in it.
     direct_lx, indirect_lx : the two shares.
+    interval_lx : where the illuminance lies with a probability of 95 % by the model's own uncertainty and
+        `se`, see `uncertainty`; None where the model states none (`DaylightResult.intervals` says so).
     """
 
     name: str
@@ -32,6 +34,7 @@ class Point:
     se: float
     direct_lx: float
     indirect_lx: float
+    interval_lx: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -92,9 +95,11 @@ class DaylightResult:
     images : views, for each model in turn.
     panes : windows and views, for each model in turn.
     provenance : inputs, parameters, seed and versions.
+    intervals : by model, what the intervals of its points rest on, or why there are none.
     """
 
     points: list[Point]
     images: list[Image]
     panes: list[PaneLuminance]
     provenance: dict[str, str]
+    intervals: dict[str, str] = field(default_factory=dict)

@@ -8,6 +8,8 @@ serve every sky, hour, wall and shaded place.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -21,6 +23,7 @@ from specularia.daylight.outdoors import Outdoors
 __all__ = ["BINS", "RIM", "SkyTransfer", "bin_directions"]
 
 Array = NDArray[np.float64]
+Shares = Callable[[float, float], tuple[Array, Array, Array]]
 
 RIM: Final = 0.99999
 """Largest sine of an exit or incident angle that the model is asked for: 89.74 degrees."""
@@ -50,15 +53,25 @@ class SkyTransfer:
     """
 
     def __init__(self, model: ScatteringModel, *, sampling: float = 1.0) -> None:
+        self._fill(partial(_shares, model), _isotropic(model), sampling)
+
+    @classmethod
+    def of(cls, shares: Shares, *, isotropic: bool, sampling: float) -> SkyTransfer:
+        """From a function of exit angle and azimuth in degrees: ux, uy and weights of what is shown."""
+        made = cls.__new__(cls)
+        made._fill(shares, isotropic, sampling)
+        return made
+
+    def _fill(self, shares: Shares, isotropic: bool, sampling: float) -> None:
         n = int(np.ceil(24 * np.sqrt(sampling)))
         self.theta = np.linspace(0.0, 90.0, n + 1)
         self.theta[-1] = np.degrees(np.arcsin(RIM))
         self.phi = np.linspace(0.0, 360.0, 2 * n + 1)
-        self.isotropic = _isotropic(model)
+        self.isotropic = isotropic
         self._points: list[list[tuple[Array, Array, Array]]] = []
         for j, theta in enumerate(self.theta):
-            turns = self.phi[:1] if self.isotropic or j == 0 else self.phi[:-1]
-            self._points.append([_shares(model, float(theta), float(p)) for p in turns])
+            turns = self.phi[:1] if isotropic or j == 0 else self.phi[:-1]
+            self._points.append([shares(float(theta), float(p)) for p in turns])
 
     def tables(
         self, *, axes: Array, outdoors: Outdoors, hidden: Array | None = None, instead: Array | None = None
