@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from specularia.daylight._triangle_kernel import first_hits
 from specularia.daylight.geometry import Box
 from specularia.daylight.outdoors import sun_disc
+from specularia.daylight.own_geometry import OwnRoom
 from specularia.daylight.panes import Lights
 
 __all__ = ["beam_illuminance"]
@@ -15,7 +16,7 @@ __all__ = ["beam_illuminance"]
 Array = NDArray[np.float64]
 
 
-def beam_illuminance(box: Box, lights: Lights, points: Array, normals: Array) -> Array:
+def beam_illuminance(box: Box | OwnRoom, lights: Lights, points: Array, normals: Array) -> Array:
     """[K] lx of undeflected sunlight at points [K, 3] with normals [K, 3], mean over the sun's disc.
 
     A point is lit where the way to the sun passes through a pane, through the mouth of its niche, and by all
@@ -25,11 +26,10 @@ def beam_illuminance(box: Box, lights: Lights, points: Array, normals: Array) ->
     if lights.sun_direction is None or not np.any(lights.beam > 0.0):
         return out
     directions, weights = sun_disc(lights.sun_direction)
-    spaces = box.spaces(points)
+    spaces = None if isinstance(box, OwnRoom) else box.spaces(points)
     for index in np.flatnonzero(lights.beam > 0.0):
         pane = box.panes[index]
-        face, window = box.faces[pane.face], box.job.window[pane.window]
-        wall, mouth = box.faces[window.wall], box.mouths[pane.window]
+        face = box.faces[pane.face]
         for d, w in zip(directions, weights):
             towards = float(-(d @ face.normal))
             cosine = np.maximum(normals @ d, 0.0)
@@ -37,13 +37,16 @@ def beam_illuminance(box: Box, lights: Lights, points: Array, normals: Array) ->
             at = points + far[:, None] * d
             u, v, _ = face.coordinates(at)
             lit = (cosine > 0.0) & (far >= 0.0) & pane.glass.holds(u, v) & (towards > 0.0)
-            if window.inner_reveal_m > 0.0:
+            if isinstance(box, Box) and (window := box.job.window[pane.window]).inner_reveal_m > 0.0:
+                wall = box.faces[window.wall]
                 height = wall.coordinates(points)[2]
                 mu, mv, _ = wall.coordinates(points + (height / max(towards, 1e-9))[:, None] * d)
-                lit &= (spaces == pane.window) | mouth.holds(mu, mv)
+                lit &= (spaces == pane.window) | box.mouths[pane.window].holds(mu, mv)
             here = np.flatnonzero(lit)
             if here.size and len(lights.triangles):
-                hit, _ = first_hits(at[here] + 1e-6 * pane.axes[2], d[None], lights.triangles)
+                # In a room from files something may also stand between the point and the pane.
+                start = points[here] + 1e-5 * normals[here] if isinstance(box, OwnRoom) else at[here]
+                hit, _ = first_hits(start + 1e-6 * pane.axes[2], d[None], lights.triangles)
                 here = here[hit[:, 0] < 0]
             out[here] += w * lights.beam[index] * cosine[here]
     return out

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from specularia.bsdf import ScatteringModel
 from specularia.daylight.geometry import ROOM, Box, pane_axes
 from specularia.daylight.outdoors import sun_direction
+from specularia.daylight.own_geometry import OwnRoom
 from specularia.errors import CoverageError, FormatError, SpeculariaWarning
 
-__all__ = ["check_models", "check_room"]
+__all__ = ["check_models", "check_room", "check_sun"]
 
 Array = NDArray[np.float64]
 
@@ -25,7 +26,7 @@ _TOUCH = 1e-6
 def check_room(box: Box, file: Path) -> None:
     """Raise a FormatError for geometry or a sun that cannot be; warn where the sun misses a pane."""
     _check_windows(box, file)
-    _check_sun(box, file)
+    check_sun(box, file)
     for sensor in box.job.sensor:
         _check_sensor(box, sensor.name, np.array(sensor.position_m), np.array(sensor.normal), file)
     for view in box.job.view:
@@ -62,7 +63,8 @@ def _check_windows(box: Box, file: Path) -> None:
                 )
 
 
-def _check_sun(box: Box, file: Path) -> None:
+def check_sun(box: Box | OwnRoom, file: Path) -> None:
+    """Raise a FormatError for a sun below the horizon; warn where it stands behind panes."""
     if box.job.sun is None:
         return
     if box.job.sun.elevation_deg <= 0.0:
@@ -73,10 +75,12 @@ def _check_sun(box: Box, file: Path) -> None:
             advice="Leave the table [sun] out for a room without sun.",
         )
     sun = sun_direction(box.job)
-    behind = [w.name for w in box.job.window if float(pane_axes(w.wall)[2] @ sun) <= 0.0]
+    turned = [p.name for p in box.panes if float(p.axes[2] @ sun) <= 0.0]
+    windows = [w.name for w in box.job.window if float(pane_axes(w.wall)[2] @ sun) <= 0.0]
+    behind, total = (windows, len(box.job.window)) if box.job.window else (turned, len(box.panes))
     if behind and box.job.sun_shines:
         warnings.warn(
-            f"the sun stands behind the wall of {len(behind)} of {len(box.job.window)} windows "
+            f"the sun stands behind the wall of {len(behind)} of {total} windows "
             f"({', '.join(behind)}): only sky and ground light them.",
             SpeculariaWarning,
             stacklevel=2,

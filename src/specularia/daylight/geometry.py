@@ -170,12 +170,15 @@ class Box:
     panes : `Pane` of every window, in the order of the job, rows from the top, as seen from inside.
     mouths : of each window, the opening of its niche on the wall's face.
     size : width, depth, height in m.
+    text, polygons : of a room from files (`own_geometry.OwnRoom`); none here.
     """
 
     def __init__(self, job: RoomJob) -> None:
-        w, d, h = job.room.width_m, job.room.depth_m, job.room.height_m
+        w, d, h = job.box.width_m, job.box.depth_m, job.box.height_m
         self.job = job
         self.size = np.array([w, d, h])
+        self.text = ""
+        self.polygons: list[tuple[Array, float]] = []
         x, y, z = np.eye(3)
         zero, r = np.zeros(3), job.reflectance
         plan = {

@@ -101,6 +101,7 @@ from specularia.jobs import FilePath, Job
 
 __all__ = [
     "WALLS",
+    "Geometry",
     "Glass",
     "Ground",
     "ModelFile",
@@ -362,6 +363,18 @@ class ModelFile(Job):
         return members
 
 
+class Geometry(Job):
+    """[geometry]: a room of the user's own, in place of [room], [reflectance] and [[window]]."""
+
+    file: FilePath
+    """A Radiance scene (.rad) or an OBJ file, in metres, z up; commands in a .rad are carried out."""
+    materials: FilePath | None = None
+    """A Radiance file with the materials that an OBJ file names."""
+    pane_materials: Annotated[tuple[Name, ...], Field(min_length=1)]
+    """Materials of the panes: rectangles whose normals point into the room. They need no definition. Light
+    from the room is not reflected by them."""
+
+
 class Quality(Job):
     """[quality]: the defaults are the quick settings; `FULL` in this module holds the slower ones."""
 
@@ -382,9 +395,10 @@ class RoomJob(Job):
     references: tuple[Literal["no glass", "clear slab", "diffuser"], ...] = ()
     """Panes to compare with, beside the models: nothing at all, a clear slab of index 1.52 that absorbs
     nothing, and a diffuser that passes all light."""
-    room: RoomSize
+    room: RoomSize | None = None
+    geometry: Geometry | None = None
     reflectance: Reflectance = Reflectance()
-    window: Annotated[tuple[Window, ...], Field(min_length=1)]
+    window: tuple[Window, ...] = ()
     sun: Sun | None = None
     sky: Sky = Sky()
     ground: Ground = Ground()
@@ -402,6 +416,22 @@ class RoomJob(Job):
             return False
         given = self.sun.normal_illuminance_lx
         return self.sky.kind in ("clear", "none") if given is None else given > 0.0
+
+    @model_validator(mode="after")
+    def _one_room(self) -> RoomJob:
+        if (self.room is None) == (self.geometry is None):
+            raise ValueError("either [room] with [[window]], or [geometry]")
+        if self.room is not None and not self.window:
+            raise ValueError("at least one [[window]]")
+        if self.geometry is not None and self.window:
+            raise ValueError("no [[window]] beside [geometry]: its panes are named by pane_materials")
+        return self
+
+    @property
+    def box(self) -> RoomSize:
+        """Size of the box."""
+        assert self.room is not None
+        return self.room
 
     @model_validator(mode="after")
     def _names_differ(self) -> RoomJob:

@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from specularia.bsdf import ScatteringModel
+from specularia.daylight.ambient import Ambient
 from specularia.daylight.beam import beam_illuminance
-from specularia.daylight.checks import check_models, check_room
+from specularia.daylight.checks import check_models, check_room, check_sun
 from specularia.daylight.geometry import Box
 from specularia.daylight.interreflection import Interreflection, Mesh, mesh, reflectances
 from specularia.daylight.job import Quality, RoomJob, View
 from specularia.daylight.outdoors import Outdoors, incident_illuminance, outdoors
+from specularia.daylight.own_geometry import OwnRoom
 from specularia.daylight.panes import Glazing, Lights, lights
 from specularia.daylight.picture import IndirectField, project, render, write_hdr
 from specularia.daylight.references import reference
@@ -67,8 +69,13 @@ def run(
     job = room if isinstance(room, RoomJob) else load_toml(room, RoomJob)
     if quality is not None:
         job = job.model_copy(update={"quality": quality})
-    box = Box(job)
-    check_room(box, file)
+    box: Box | OwnRoom
+    if job.geometry is None:
+        box = Box(job)
+        check_room(box, file)
+    else:
+        box = OwnRoom(job, file)
+        check_sun(box, file)
     given: dict[str, ScatteringModel | Glazing | str | Path] = {m.name: m.file for m in job.model}
     given.update(models or {})
     given.update({name: reference(name) for name in job.references})
@@ -85,7 +92,8 @@ def run(
     out = outdoors(job)
     if folder is not None:
         folder = make_folder(folder)
-    inputs = [Path(m) for m in given.values() if isinstance(m, (str, Path))] + [g.file for g in job.glass]
+    inputs = [] if job.geometry is None else [job.geometry.file]
+    inputs += [Path(m) for m in given.values() if isinstance(m, (str, Path))] + [g.file for g in job.glass]
     inputs += [f for m in job.model for f in m.members]
     provenance = record(
         what=f"daylight in {job.name}",
@@ -112,7 +120,10 @@ def run(
     steps = len(held) * (3 + (len(job.view) if folder is not None else 0))
     with task("room", steps + 2 * sum(len(m) for m in members.values())) as progress:
         spacing = 0.35 / np.sqrt(sampling)
-        meshes = [mesh(box, k * spacing, points=0.09 * k / sampling) for k in (1.0, 1.5)]
+        meshes = [
+            mesh(box, k * spacing, points=0.09 * k / sampling) if isinstance(box, Box) else None
+            for k in (1.0, 1.5)
+        ]
 
         def emitted_by(glazing: Glazing) -> tuple[list[Glazing], Lights]:
             each = [own.get(p.model or "", glazing) for p in box.panes]
@@ -131,7 +142,7 @@ def run(
                 found = _points(name, scene, control, light, seed)
                 progress.advance()
                 if folder is not None:
-                    field = IndirectField(box, light[0], 0.3 / np.sqrt(sampling))
+                    field = _field(light[0], 0.3 / np.sqrt(sampling))
                     for view in job.view:
                         images.append(_image(name, view, scene, field, folder, provenance))
                         progress.advance()
@@ -176,17 +187,24 @@ def _glazing(given: ScatteringModel | Glazing | str | Path) -> Glazing:
     return Glazing(given)
 
 
-def _interreflection(scene: Scene, m: Mesh) -> Interreflection:
+def _field(light: Interreflection | Ambient, spacing: float) -> IndirectField | Ambient:
+    """Reflected light, ready for pictures."""
+    return light if isinstance(light, Ambient) else IndirectField(light.mesh.box, light, spacing)
+
+
+def _interreflection(scene: Scene, m: Mesh | None) -> Interreflection | Ambient:
+    if m is None:
+        return Ambient(scene)
     octree = scene.octree("coarse", cell=(0.14 if scene.box.has_niches else 0.28) / scene.sampling)
     points, normals = m.points.reshape(-1, 3), m.normals.reshape(-1, 3)
-    lifted = scene.box.lifted(points)
+    lifted = m.box.lifted(points)
     direct = scene.illuminance(octree, lifted, normals, fineness=0.5)
     direct += beam_illuminance(scene.box, scene.lights, lifted, normals)
     rho = reflectances(m, scene.lights.reflectance)
     return Interreflection(m, direct.reshape(m.points.shape[:2]), rho, scene.lights.flux)
 
 
-def _sensors(box: Box) -> tuple[Array, Array]:
+def _sensors(box: Box | OwnRoom) -> tuple[Array, Array]:
     sensors = box.job.sensor
     return box.lifted(np.array([s.position_m for s in sensors])), np.array([s.normal for s in sensors])
 
@@ -203,7 +221,7 @@ def _shifts(scene: Scene, seed: int) -> Array:
     return np.random.default_rng(seed).random((scene.box.job.quality.repeats, 2))
 
 
-def _levels(scene: Scene, light: Interreflection, seed: int) -> Array:
+def _levels(scene: Scene, light: Interreflection | Ambient, seed: int) -> Array:
     """[K] lx at the sensors."""
     if not scene.box.job.sensor:
         return np.zeros(0)
@@ -214,7 +232,7 @@ def _levels(scene: Scene, light: Interreflection, seed: int) -> Array:
 
 
 def _points(
-    name: str, scene: Scene, control: Scene, light: Sequence[Interreflection], seed: int
+    name: str, scene: Scene, control: Scene, light: Sequence[Interreflection | Ambient], seed: int
 ) -> list[Point]:
     """Illuminance at the sensors.
 
@@ -247,7 +265,7 @@ def _image(
     name: str,
     view: View,
     scene: Scene,
-    field: IndirectField,
+    field: IndirectField | Ambient,
     folder: Path,
     provenance: Mapping[str, str],
 ) -> Image:
@@ -260,12 +278,12 @@ def _image(
     with atomic(folder / f"{stem}.npz") as temporary:
         arrays: dict[str, Any] = {"luminance": luminance.astype(np.float32), "units": "cd/m2", **provenance}
         np.savez_compressed(temporary, **arrays)
-    return Image(name, view.name, hdr, folder / f"{stem}.npz", luminance, view, _pixels(scene.box, view))
+    return Image(name, view.name, hdr, folder / f"{stem}.npz", luminance, view, _pixels(scene.box.job, view))
 
 
-def _pixels(box: Box, view: View) -> dict[str, tuple[float, float]]:
+def _pixels(job: RoomJob, view: View) -> dict[str, tuple[float, float]]:
     """Picture positions of sensors whose lit side faces the eye."""
-    sensors = box.job.sensor
+    sensors = job.sensor
     if not sensors:
         return {}
     at = np.array([s.position_m for s in sensors])
@@ -276,7 +294,7 @@ def _pixels(box: Box, view: View) -> dict[str, tuple[float, float]]:
     }
 
 
-def _panes(name: str, box: Box, emitted: Lights, out: Outdoors) -> list[PaneLuminance]:
+def _panes(name: str, box: Box | OwnRoom, emitted: Lights, out: Outdoors) -> list[PaneLuminance]:
     found = []
     for index, pane in enumerate(box.panes):
         sun, sky = incident_illuminance(out, pane.axes[2])

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from specularia.bsdf import ScatteringModel
 from specularia.daylight.emission import EmissionMap, back_reflectance, sun_map
-from specularia.daylight.geometry import Box, Rectangle
+from specularia.daylight.geometry import Box, Pane, Rectangle
 from specularia.daylight.outdoors import Outdoors
+from specularia.daylight.own_geometry import OwnRoom
 from specularia.daylight.shading import Outside
 from specularia.daylight.transfer import SkyTransfer
 
@@ -101,7 +102,12 @@ class Lights:
         return replace(self, maps=maps)
 
 
-def lights(box: Box, glazing: Sequence[Glazing], outdoors: Outdoors, *, sampling: float) -> Lights:
+def _given(box: Box | OwnRoom, pane: Pane) -> float | None:
+    """The reflectance that the job gives a pane."""
+    return box.job.window[pane.window].pane_reflectance if box.job.window else None
+
+
+def lights(box: Box | OwnRoom, glazing: Sequence[Glazing], outdoors: Outdoors, *, sampling: float) -> Lights:
     """What every pane emits under this sun and sky, `glazing` being that of each pane in turn."""
     outside = Outside(box, outdoors)
     dark = outdoors.zenith <= 0.0 and outdoors.ground <= 0.0
@@ -121,7 +127,8 @@ def lights(box: Box, glazing: Sequence[Glazing], outdoors: Outdoors, *, sampling
             seen = outdoors if straight == 0.0 else replace(outdoors, sun_illuminance=0.0)
             suns[key] = sun_map(glass.model, axes=pane.axes, outdoors=seen, sampling=sampling)
         sun, first = suns[key], len(maps)
-        if len(outside.triangles) == 0:
+        shaded = outside.shade(pane, sampling) if len(outside.triangles) else None
+        if shaded is None or not shaded.matters:
             if key not in whole:
                 if dark:
                     maps.append(sun)
@@ -131,16 +138,17 @@ def lights(box: Box, glazing: Sequence[Glazing], outdoors: Outdoors, *, sampling
                 whole[key] = first
             found.append(Light(index, whole[key], pane.glass))
         else:
-            shaded = outside.shade(pane, sampling)
-            transfer = glass.transfer(sampling)
-            tables = transfer.tables(
-                axes=pane.axes, outdoors=outdoors, hidden=shaded.hidden, instead=shaded.instead
-            )
             area = np.array([place.area for place in shaded.places])
             share[index] = float(area @ shaded.sun / area.sum())
-            for place, s, table in zip(shaded.places, shaded.sun, tables):
-                found.append(Light(index, len(maps), place))
-                maps.append(sun.plus(table, transfer, float(s)))
+            found += [Light(index, first + k, place) for k, place in enumerate(shaded.places)]
+            if dark and not shaded.instead.any():
+                maps += [replace(sun, luminance=s * sun.luminance) for s in shaded.sun]
+            else:
+                transfer = glass.transfer(sampling)
+                tables = transfer.tables(
+                    axes=pane.axes, outdoors=outdoors, hidden=shaded.hidden, instead=shaded.instead
+                )
+                maps += [sun.plus(table, transfer, float(s)) for s, table in zip(shaded.sun, tables)]
         mine = [light for light in found if light.pane == index]
         all_of_it = sum(maps[light.map].exitance() * light.rectangle.area for light in mine)
         sunlit[index] = share[index] * sun.exitance() * pane.glass.area
@@ -148,7 +156,7 @@ def lights(box: Box, glazing: Sequence[Glazing], outdoors: Outdoors, *, sampling
         sunlit[index] += share[index] * beam[index] * cosine * pane.glass.area
     reflectance = np.array(
         [
-            glass.reflectance if (given := box.job.window[pane.window].pane_reflectance) is None else given
+            glass.reflectance if (given := _given(box, pane)) is None else given
             for pane, glass in zip(box.panes, glazing)
         ]
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -9,11 +10,13 @@ from numpy.typing import NDArray
 
 from specularia.conventions import LUMINOUS_EFFICACY
 from specularia.daylight._grid import bilinear
+from specularia.daylight.ambient import Ambient
 from specularia.daylight.beam import beam_illuminance
 from specularia.daylight.geometry import Box
 from specularia.daylight.interreflection import Interreflection
 from specularia.daylight.job import View
 from specularia.daylight.scene import Scene
+from specularia.errors import SpeculariaWarning
 from specularia.files import atomic
 from specularia.radiance import run
 
@@ -88,7 +91,9 @@ def _crowded(length: float, spacing: float) -> Array:
     return length * 0.5 * (1.0 - np.cos(np.pi * np.arange(n + 1) / n))
 
 
-def render(view: View, *, scene: Scene, octree: str, field: IndirectField, fineness: float) -> Array:
+def render(
+    view: View, *, scene: Scene, octree: str, field: IndirectField | Ambient, fineness: float
+) -> Array:
     """Luminance picture [rows, columns] in cd/m2.
 
     One ray through the middle of each pixel; pixels next to which another surface begins get nine.
@@ -100,6 +105,10 @@ def render(view: View, *, scene: Scene, octree: str, field: IndirectField, finen
     field : reflected light on the faces.
     fineness : see `Scene.illuminance`.
     """
+    if isinstance(field, Ambient):
+        return _from_files(view, scene, octree, field, fineness)
+    box = scene.box
+    assert isinstance(box, Box)
     columns, rows = view.size_px
     c, r = (a.ravel() for a in np.meshgrid(np.arange(columns), np.arange(rows)))
 
@@ -107,7 +116,6 @@ def render(view: View, *, scene: Scene, octree: str, field: IndirectField, finen
         directions = rays(view, np.asarray(column, float), np.asarray(row, float))
         origins = np.broadcast_to(np.array(view.position_m), directions.shape)
         luminance, points = scene.look(octree, origins, directions, fineness=fineness)
-        box = scene.box
         face, part, u, v = box.locate(points)
         received = field.at(face, u, v)
         normals = np.array([f.normal for f in box.faces.values()])[face]
@@ -135,6 +143,25 @@ def render(view: View, *, scene: Scene, octree: str, field: IndirectField, finen
         fine, _ = seen(np.add.outer(ec, dx).ravel(), np.add.outer(er, dy).ravel())
         picture[er, ec] = fine.reshape(-1, dx.size).mean(axis=1)
     return picture
+
+
+def _from_files(view: View, scene: Scene, octree: str, ambient: Ambient, fineness: float) -> Array:
+    """`render` in a room of the user's own: two by two rays a pixel."""
+    if np.any(scene.lights.beam > 0.0):
+        warnings.warn(
+            f"view {view.name!r}: in a room from files, pictures through no glass and through a clear slab "
+            "lack the patch of undeflected sun (points have it).",
+            SpeculariaWarning,
+            stacklevel=2,
+        )
+    columns, rows = view.size_px
+    k = np.array([0.25, 0.75])
+    c, r = np.meshgrid((np.arange(columns)[:, None] + k).ravel(), (np.arange(rows)[:, None] + k).ravel())
+    directions = rays(view, c.ravel(), r.ravel())
+    origins = np.broadcast_to(np.array(view.position_m), directions.shape)
+    luminance, _ = scene.look(octree, origins, directions, fineness=fineness)
+    luminance = luminance + ambient.luminance(origins, directions)
+    return np.asarray(luminance.reshape(rows, 2, columns, 2).mean(axis=(1, 3)))
 
 
 def write_hdr(path: Path, luminance: Array, view: View, *, what: str) -> Path:

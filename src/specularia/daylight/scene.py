@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 from specularia.conventions import LUMINOUS_EFFICACY
 from specularia.daylight.emission import EmissionMap
 from specularia.daylight.geometry import Box
+from specularia.daylight.obstacles import obstacle_faces
+from specularia.daylight.own_geometry import OwnRoom
 from specularia.daylight.panes import Light, Lights
 from specularia.errors import PhysicsError
 from specularia.radiance import run
@@ -59,18 +61,20 @@ class Scene:
     """
 
     folder: Path
-    box: Box
+    box: Box | OwnRoom
     lights: Lights
     width_deg: float
     sampling: float
 
     @classmethod
-    def make(cls, folder: Path, box: Box, lights: Lights, *, sampling: float) -> Scene:
+    def make(cls, folder: Path, box: Box | OwnRoom, lights: Lights, *, sampling: float) -> Scene:
         """Write the emission maps and the walls."""
         (folder / "pane.cal").write_text(_CAL)
         for k, m in enumerate(lights.maps):
             (folder / f"map{k}.dat").write_text(_data(m))
-        (folder / "walls.rad").write_text(_walls(box))
+        (folder / "walls.rad").write_text(
+            box.text + _obstacles(box) if isinstance(box, OwnRoom) else _walls(box)
+        )
         lit = [m.width_deg() for m in lights.maps if m.luminance.max() > 0]
         return cls(folder, box, lights, min(lit, default=90.0), sampling)
 
@@ -101,7 +105,7 @@ class Scene:
         command = ["rtrace", "-h", "-ff", "-ovp", *self._options(fineness), octree]
         out = np.frombuffer(run(command, data=data, cwd=self.folder), "<f4").reshape(-1, 6).astype(float)
         points = out[:, 3:]
-        off = self.box.distance(points) > 1e-3
+        off = np.zeros(1) if isinstance(self.box, OwnRoom) else self.box.distance(points) > 1e-3
         if off.any():
             raise PhysicsError(
                 f"{off.sum()} of {off.size} view rays ended in no face of the room; it is not closed."
@@ -144,7 +148,18 @@ def _walls(box: Box) -> str:
     return "".join(text)
 
 
-def _light(index: int, light: Light, box: Box, cell: float, shift: tuple[float, float]) -> str:
+def _obstacles(box: OwnRoom) -> str:
+    """What stands outside a room from files, as it may be seen through its openings."""
+    text = []
+    for number, obstacle in enumerate(box.job.obstacle):
+        r = obstacle.reflectance
+        text.append(f"void plastic obstacle{number}\n0\n0\n5 {r:.9g} {r:.9g} {r:.9g} 0 0\n\n")
+        faces = obstacle_faces(obstacle)
+        text += [_polygon(f"obstacle{number}", f"obstacle{number}.{k}", c) for k, c in enumerate(faces)]
+    return "".join(text)
+
+
+def _light(index: int, light: Light, box: Box | OwnRoom, cell: float, shift: tuple[float, float]) -> str:
     """Part of a pane as light polygons whose normals point into the room."""
     pane = box.panes[light.pane]
     x, y, out = pane.axes

@@ -15,9 +15,11 @@ from numpy.typing import NDArray
 
 from specularia.daylight._triangle_kernel import first_hits
 from specularia.daylight.geometry import Box, Pane, Rectangle
-from specularia.daylight.job import Obstacle, Window
+from specularia.daylight.job import Window
+from specularia.daylight.obstacles import obstacle_faces
 from specularia.daylight.outdoors import Outdoors, sun_disc
 from specularia.daylight.outdoors import hemisphere as projected_hemisphere
+from specularia.daylight.own_geometry import OwnRoom
 from specularia.daylight.transfer import bin_directions
 
 __all__ = ["Outside", "Shaded"]
@@ -41,7 +43,7 @@ class Shaded:
     Attributes
     ----------
     places : rectangles of the glazing's face that fill the pane.
-    sun : [P] share of the sun's light that reaches each of them.
+    sun : [P] share of the sun's light that reaches each of them; 1 where there is none.
     hidden, instead : [P, BINS^2] as in `transfer.SkyTransfer.tables`.
     """
 
@@ -49,6 +51,11 @@ class Shaded:
     sun: Array
     hidden: Array
     instead: Array
+
+    @property
+    def matters(self) -> bool:
+        """Whether anything stands before the pane at all."""
+        return bool(np.any(self.hidden > 0.0) or np.any(self.sun < 1.0))
 
 
 class Outside:
@@ -64,13 +71,14 @@ class Outside:
     triangles : [T, 3, 3] m; none if nothing stands outside.
     """
 
-    def __init__(self, box: Box, outdoors: Outdoors) -> None:
+    def __init__(self, box: Box | OwnRoom, outdoors: Outdoors) -> None:
         self.box, self.outdoors = box, outdoors
         polygons: list[tuple[Array, float]] = []
         for index, window in enumerate(box.job.window):
             polygons += [(p, box.job.reflectance.outside) for p in _outer_reveal(box, index, window)]
+        polygons += box.polygons
         for obstacle in box.job.obstacle:
-            polygons += [(p, obstacle.reflectance) for p in _faces(obstacle)]
+            polygons += [(p, obstacle.reflectance) for p in obstacle_faces(obstacle)]
         fans = [np.stack([p[0], p[k], p[k + 1]]) for p, _ in polygons for k in range(1, len(p) - 1)]
         self.triangles: Array = np.array(fans).reshape(-1, 3, 3)
         shades = [r for p, r in polygons for _ in range(len(p) - 2)]
@@ -106,7 +114,7 @@ class Outside:
     def _sun(self, pane: Pane, places: list[Rectangle]) -> Array:
         sun = self.outdoors.sun
         if sun is None or self.outdoors.sun_illuminance <= 0.0 or float(sun @ pane.axes[2]) <= 0.0:
-            return np.zeros(len(places))
+            return np.ones(len(places))
         directions, weights = sun_disc(sun)
         k = (np.arange(_SUN_POINTS) + 0.5) / _SUN_POINTS
         share = np.empty(len(places))
@@ -144,7 +152,7 @@ def _places(glass: Rectangle, cell: float) -> list[Rectangle]:
     ]
 
 
-def _outer_reveal(box: Box, index: int, window: Window) -> list[Array]:
+def _outer_reveal(box: Box | OwnRoom, index: int, window: Window) -> list[Array]:
     """The four faces of a window's outer reveal, [4, 3] corners each."""
     depth = window.outer_reveal_m
     if depth <= 0.0:
@@ -158,20 +166,3 @@ def _outer_reveal(box: Box, index: int, window: Window) -> list[Array]:
     outer = outer + depth * out
     order = [(k, (k + 1) % 4) for k in range(4)]
     return [np.stack([inner[a], inner[b], outer[b], outer[a]]) for a, b in order]
-
-
-def _faces(obstacle: Obstacle) -> list[Array]:
-    if obstacle.corners_m is not None:
-        return [np.array(obstacle.corners_m)]
-    assert obstacle.box_m is not None
-    low, high = (f(np.array(obstacle.box_m), axis=0) for f in (np.min, np.max))
-    found = []
-    for axis in range(3):
-        a, b = (k for k in range(3) if k != axis)
-        for end in (low, high):
-            corners = np.tile(low, (4, 1))
-            corners[:, axis] = end[axis]
-            corners[1:3, a] = high[a]
-            corners[2:, b] = high[b]
-            found.append(corners)
-    return found

@@ -20,6 +20,7 @@ from scipy.special import ndtri, stdtrit
 
 from specularia.bsdf import ScatteringModel
 from specularia.daylight.geometry import Box
+from specularia.daylight.own_geometry import OwnRoom
 from specularia.daylight.panes import Glazing, Lights
 
 __all__ = ["LEVEL", "relative_error", "spread_interval"]
@@ -45,7 +46,7 @@ def _error(model: Any, theta_deg: Array) -> Array | None:
     return np.divide(error, tau, out=np.zeros_like(error), where=tau > 0.0)
 
 
-def relative_error(box: Box, glazing: list[Glazing], lights: Lights) -> float | None:
+def relative_error(box: Box | OwnRoom, glazing: list[Glazing], lights: Lights) -> float | None:
     """Relative standard error of all light that enters, or None if the model of a pane states no uncertainty.
 
     Errors of the same model are taken as common to all panes, those of different models as independent.
