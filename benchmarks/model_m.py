@@ -200,7 +200,9 @@ def of_pane(slab: Any, angles: Sequence[float], seed: int) -> Known:
     return known
 
 
-def instrument_alone(slab: Any, known: Known, angles: Sequence[float], aperture_deg: float) -> None:
+def instrument_alone(
+    slab: Any, known: Known, angles: Sequence[float], aperture_deg: float, paths: int = PATHS
+) -> None:
     """What a virtual instrument without noise reads in the middle of each cell, against the truth."""
     from specularia.conventions import direction_angles
     from specularia.glass import photometer
@@ -212,7 +214,7 @@ def instrument_alone(slab: Any, known: Known, angles: Sequence[float], aperture_
             slab,
             theta_deg=theta,
             directions=direction_angles(x, y, z),
-            paths=PATHS,
+            paths=paths,
             seed=950 + number,
             aperture_deg=aperture_deg,
         )
@@ -620,7 +622,8 @@ def rows(part: str, oracles: Path, data: Path, folder: Path) -> Iterator[Row]:
         made = twin.make(None, folder / "twin", seed=1)
         slab = read_slab(made.glass)
         known = of_pane(slab, (*MEASURED, *INNER, *STEEP), seed=100)
-        instrument_alone(slab, known, MEASURED, twin.TwinSettings().gonio.aperture_deg)
+        settings = twin.TwinSettings().gonio
+        instrument_alone(slab, known, MEASURED, settings.aperture_deg, settings.paths)
         yield from standard(part, list(made.tables), known, folder)
     elif part == "azimuths":
         yield from azimuths(oracle(oracles), folder)

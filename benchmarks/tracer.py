@@ -3,8 +3,8 @@
     python benchmarks/tracer.py [FOLDER] [--parts threads,model,speed,...] [-o OUT.md]
 
 FOLDER holds the prototype: `slab_tracer.py` and `height_maps.py` (default: ../shared/prototype beside
-the repository). Every part prints a table in Markdown. Times are CPU seconds of one thread unless a table says
-otherwise, ratios are of one run, and means over incident angles geometric.
+the repository). Every part prints a table in Markdown. Times are CPU seconds of one thread unless a table
+says otherwise, ratios are of one run, and means over incident angles geometric.
 
 threads   two threads against two processes of one thread (wall time; wants a calm machine)
 model     Model C from both sides to a noise of 3 % per direction (wall time, all threads; a calm machine)

@@ -22,7 +22,7 @@ __all__ = ["Ambient"]
 Array = NDArray[np.float64]
 
 _POINTS = "-ab 8 -aa 0 -ad 4096 -as 0 -lw 1e-5 -lr 12"
-_PICTURE = "-ab 5 -aa .2 -ar 16 -ad 512 -as 128 -lw 2e-3 -lr 8"
+_PICTURE = "-ab 5 -aa .2 -ar 16 -ad 256 -as 64 -lw 2e-3 -lr 8"
 _SOURCES = "-dj 0 -dt 0 -dc 1 -dr 0 -ds .2 -st 1 -ss 0"
 
 

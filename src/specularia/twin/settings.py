@@ -40,7 +40,7 @@ def _coprime(pixels: int) -> int:
 class MapSettings(Job):
     """`[maps]`: the grid of both height maps, one period each way."""
 
-    pixels: Annotated[int, Field(ge=32, le=4096)] = 512
+    pixels: Annotated[int, Field(ge=32, le=4096)] = 1024
     """Pixels of the front along x and along y; a power of two."""
     back_pixels: Annotated[int, Field(ge=32, le=5120)] | None = None
     """The same of the back; left out, the next odd product of 3, 5 and 7 above 1.02 `pixels`. Periods that
@@ -159,7 +159,7 @@ class GonioSettings(Job):
 
     theta_deg: tuple[Annotated[float, Field(ge=0, lt=90)], ...] = (0.0, 20.0, 40.0, 60.0, 82.5)
     """Incident directions, ascending."""
-    paths: Annotated[int, Field(ge=1000)] = 1_000_000
+    paths: Annotated[int, Field(ge=1000)] = 4_000_000
     """Traced paths per incident direction."""
     base: Annotated[int, Field(ge=100)] = 112_000
     """Scan directions of the spiral over the hemisphere."""
