@@ -12,11 +12,6 @@ from specularia.cli._common import Json, Quiet, Seed, emit, session, table
 app = typer.Typer(no_args_is_help=True, help="The lit room: illuminance and luminance behind a pane.")
 
 
-@app.callback()
-def _group() -> None:
-    """Keeps `run` a command of its own while it is the only one."""
-
-
 @app.command()
 def run(
     room: Annotated[Path, typer.Argument(help="ROOM.toml: room, windows, sun, sky, sensors and views.")],
@@ -93,6 +88,60 @@ def run(
             [[p.window, p.model, p.view, p.luminance_cd_m2] for p in lit.panes],
         )
         emit(result, as_json=as_json, lines=[*lines, f"written to {output.resolve()}"])
+
+
+@app.command()
+def wea(
+    weather: Annotated[Path, typer.Argument(help="Weather file in EPW.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="WEA file to write.")],
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Turn an EPW weather file into Radiance's WEA, which gendaymtx reads."""
+    with session(quiet=quiet):
+        from specularia.daylight import read_weather, write_wea
+        from specularia.files import writable
+
+        writable(output)
+        found = read_weather(weather)
+        path = write_wea(found, output)
+        result = {
+            "wea": path.resolve(),
+            "hours": int(found.hour.size),
+            "station": found.station,
+            **found.place.model_dump(exclude={"orientation_deg"}),
+        }
+        lines = [f"{found.station}: {found.hour.size} hours, written to {path.resolve()}"]
+        emit(result, as_json=as_json, lines=lines)
+
+
+@app.command()
+def sun(
+    room: Annotated[Path, typer.Argument(help="ROOM.toml with [place] and [time], or with [sun].")],
+    date: Annotated[
+        str | None, typer.Option("--date", help="YYYY-MM-DD, instead of the file's; with --hour.")
+    ] = None,
+    hour: Annotated[
+        float | None, typer.Option("--hour", help="With decimals: 10.5 is half past ten.")
+    ] = None,
+    calendar: Annotated[
+        str | None, typer.Option("--calendar", help="gregorian or julian, of --date.")
+    ] = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Say where the sun stands and how much light sun and sky give, without rendering anything."""
+    with session(quiet=quiet):
+        from specularia.daylight import outside_at
+
+        result = outside_at(room, date=date, hour=hour, calendar=calendar)
+        rows = [
+            [name.replace("_", " "), f"{value:,.2f}" if isinstance(value, float) else value]
+            for name, value in result.items()
+            if value is not None
+        ]
+        lines = table(["outdoors", "value"], rows)
+        emit(result, as_json=as_json, lines=lines)
 
 
 def _named_files(options: list[str]) -> dict[str, Path]:

@@ -16,6 +16,7 @@ from specularia.daylight.emission import EmissionMap, back_reflectance, emission
 from specularia.daylight.geometry import Box, Pane
 from specularia.daylight.interreflection import Interreflection, Mesh, mesh, reflectances
 from specularia.daylight.job import Quality, RoomJob, View
+from specularia.daylight.moment import at
 from specularia.daylight.outdoors import Outdoors, incident_illuminance, outdoors
 from specularia.daylight.picture import IndirectField, project, render, write_hdr
 from specularia.daylight.results import DaylightResult, Image, PaneLuminance, Point
@@ -65,6 +66,7 @@ def run(
     job = room if isinstance(room, RoomJob) else load_toml(room, RoomJob)
     if quality is not None:
         job = job.model_copy(update={"quality": quality})
+    job = at(job, file=file)
     box = Box(job)
     check_room(box, file)
     given: dict[str, ScatteringModel | str | Path] = {m.name: m.file for m in job.model}
