@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from specularia.cli._common import Json, Quiet, Seed, emit, session, table
+from specularia.cli._common import Json, Quiet, Seed, emit, numbers, session, table
 
 app = typer.Typer(no_args_is_help=True, help="The lit room: illuminance and luminance behind a pane.")
 
@@ -87,6 +87,76 @@ def run(
             ["window", "model", "seen", "luminance cd/m2"],
             [[p.window, p.model, p.view, p.luminance_cd_m2] for p in lit.panes],
         )
+        emit(result, as_json=as_json, lines=[*lines, f"written to {output.resolve()}"])
+
+
+@app.command()
+def day(
+    room: Annotated[Path, typer.Argument(help="ROOM.toml with [place] or [weather], and dates in [day].")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for pictures and results.")],
+    model: Annotated[
+        list[str] | None, typer.Option("--model", help="NAME=FILE, as in `daylight run`; may be repeated.")
+    ] = None,
+    date: Annotated[
+        list[str] | None, typer.Option("--date", help="YYYY-MM-DD, instead of [day]; may be repeated.")
+    ] = None,
+    calendar: Annotated[
+        str | None, typer.Option("--calendar", help="gregorian or julian; needed for dates before 1583.")
+    ] = None,
+    hours: Annotated[
+        str | None, typer.Option("--hours", help="First hour, last hour and step, as in 6,18,1.")
+    ] = None,
+    full: Annotated[
+        bool, typer.Option("--full", help="Publication quality instead of what the room's file asks for.")
+    ] = False,
+    seed: Seed = 0,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Light a room hour by hour through chosen days, into one page with a time slider.
+
+    Finished hours are kept: a run that was stopped goes on, and only what changed is done again.
+    """
+    models = _named_files(model or [])
+    span = None if hours is None else numbers(hours, option="--hours")
+    if span is not None and len(span) != 3:
+        raise typer.BadParameter(f"{hours!r} is not first hour, last hour, step", param_hint="--hours")
+    with session(quiet=quiet):
+        from specularia import daylight
+        from specularia.files import write_json
+        from specularia.report.day_page import write_day
+        from specularia.report.figures import day_curves
+
+        found = daylight.day(
+            room,
+            folder=output,
+            models=models,
+            dates=date,
+            calendar=calendar,
+            hours=None if span is None else (span[0], span[1], span[2]),
+            seed=seed,
+            quality=daylight.FULL if full else None,
+        )
+        synthetic = "synthetic" in found.provenance
+        result = found.record()
+        has_points = bool(result["points"])
+        files = {
+            "html": write_day(found, output / "day.html", synthetic=synthetic).resolve(),
+            "figure": day_curves(found, output / "day.png", synthetic=synthetic).resolve()
+            if has_points
+            else None,
+        }
+        result |= {"files": files, "provenance": found.provenance}
+        write_json(output / "day.json", result)
+        lines = table(
+            ["date", "hour", "point", "model", "illuminance lx", "se"],
+            [
+                [p["date"], p["hour"], p["name"], p["model"], p["illuminance_lx"], p["se"]]
+                for p in result["points"]
+            ],
+        )
+        out = len(found.left_out)
+        lines += [f"{out} of {out + len(found.hours)} hours left out for want of light"] if out else []
         emit(result, as_json=as_json, lines=[*lines, f"written to {output.resolve()}"])
 
 

@@ -1,6 +1,7 @@
 """The lit room: ROOM.toml, sun and sky, panes as sources, illuminance and luminance."""
 
 from specularia.daylight.emission import EmissionMap, emission_map
+from specularia.daylight.hours import DayHour, DayImage, DayResult, day
 from specularia.daylight.job import FULL, Quality, RoomJob
 from specularia.daylight.lit import file_name, run
 from specularia.daylight.moment import at
@@ -13,6 +14,9 @@ from specularia.daylight.when import Day, Place, Time
 __all__ = [
     "FULL",
     "Day",
+    "DayHour",
+    "DayImage",
+    "DayResult",
     "DaylightResult",
     "EmissionMap",
     "Image",
@@ -25,6 +29,7 @@ __all__ = [
     "Time",
     "Weather",
     "at",
+    "day",
     "emission_map",
     "file_name",
     "outside_at",
