@@ -15,7 +15,7 @@ from specularia.daylight.perez import perez_sky
 from specularia.daylight.sky import relative_luminance
 from specularia.daylight.sun import sun_position
 from specularia.daylight.when import Day, Place, Time
-from specularia.errors import FormatError
+from specularia.errors import FormatError, SpeculariaWarning
 from specularia.jobs import load_toml
 from specularia.radiance import run
 
@@ -363,3 +363,13 @@ def test_the_sky_of_perez_gives_the_ground_the_diffuse_light_it_was_made_from(tm
 def test_a_sky_with_the_wrong_amounts_is_refused(sky: dict[str, object], says: str) -> None:
     with pytest.raises(ValueError, match=says):
         room(sky=sky, sun={"elevation_deg": 40.0})
+
+
+def test_a_low_sun_of_gensky_comes_with_a_warning_and_one_from_irradiance_without(recwarn) -> None:  # type: ignore[no-untyped-def]
+    with pytest.warns(SpeculariaWarning, match="below 9 degrees"):
+        outdoors(room(sky={"kind": "clear"}, sun={"elevation_deg": 5.0}))
+    irradiance = {"direct_normal_irradiance_w_m2": 150.0, "diffuse_horizontal_irradiance_w_m2": 30.0}
+    faded = outdoors(room(sky={"kind": "perez"} | irradiance, sun={"elevation_deg": 5.0}))
+    outdoors(room(sky={"kind": "clear"}, sun={"elevation_deg": 10.0}))
+    assert not recwarn.list
+    assert 0 < faded.sun_illuminance < 1.5e4

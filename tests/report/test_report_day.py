@@ -96,7 +96,6 @@ def test_slider_dates_and_exposure_change_what_is_shown(result, browse, tmp_path
     };
     document.querySelector('[data-day="1"]').click();
     move("hour", "2");
-    document.querySelector('[data-mode="picture"]').click();
     move("ev", "3");
     document.querySelectorAll("tbody button")[1].click();
     const map = document.getElementById("map-0");

@@ -162,8 +162,8 @@ def day(
     folder : for pictures and results.
     models : scattering models, or files that hold them, by name, as in `run`. Hours of models that are no
         files are made anew each time: nothing says whether they changed.
-    dates, calendar, hours : dates, their calendar, and first hour, last hour and step; instead of those of
-        the room's [day]. With neither, the date of [time].
+    dates, calendar, hours : instead of what the room's [day] says; the last: first hour, last hour, step.
+        With neither, the day of [time].
     seed, quality : as in `run`.
 
     Raises

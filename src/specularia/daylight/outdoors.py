@@ -31,6 +31,9 @@ Array = NDArray[np.float64]
 SUN_DIAMETER_DEG = 0.533
 """Apparent diameter of the sun, its mean over the year."""
 
+_GENSKY_FADES_DEG = 9.2
+"""Elevation below which gensky takes the sine of the sun's elevation as 0.16."""
+
 
 @dataclass(frozen=True)
 class Outdoors:
@@ -78,6 +81,14 @@ def outdoors(job: RoomJob) -> Outdoors:
             sun_lx = perez.direct_illuminance
         elif job.sun_shines:
             sun_lx = gensky_amounts(kind, job.sun.elevation_deg)[0]
+            if job.sun.elevation_deg < _GENSKY_FADES_DEG:
+                warnings.warn(
+                    "below 9 degrees gensky's direct sun does not fade as the real one does: its light is "
+                    "too much. Give normal_illuminance_lx, or irradiances ([weather], or a sky of kind "
+                    "perez).",
+                    SpeculariaWarning,
+                    stacklevel=2,
+                )
     share = horizontal_share(kind, sun, perez)
     if perez is not None:
         zenith = perez.diffuse_illuminance / share

@@ -48,7 +48,7 @@ def write_day(
     Parameters
     ----------
     result : of `specularia.daylight.day`.
-    path : HTML file to write; some 60 kB per hour, model and picture of 240 x 180 pixels.
+    path : HTML file to write; some 20 kB per hour, model and picture of 240 x 180 pixels.
     title : heading of the page; None takes one from the room's name.
     synthetic : True labels the page.
 
