@@ -93,7 +93,11 @@ def write_day(
         loader=jinja2.PackageLoader("specularia.report"), autoescape=True, undefined=jinja2.StrictUndefined
     )
     html = environment.get_template("day.html.j2").render(
-        title=title or f"{result.name} through the day", data=data, synthetic=synthetic, version=__version__
+        title=title or f"{result.name} through the day",
+        data=data,
+        synthetic=synthetic,
+        version=__version__,
+        provenance=result.provenance,
     )
     return write_text(path, html)
 
