@@ -128,6 +128,32 @@ def test_slider_dates_and_exposure_change_what_is_shown(result, browse, tmp_path
     assert grey[0] == grey[1] == grey[2] > 0
 
 
+def test_the_value_under_the_pointer_is_shown_for_all_models_and_goes_when_it_leaves(  # type: ignore[no-untyped-def]
+    result, browse, tmp_path
+) -> None:
+    path = write_day(result, tmp_path / "day.html")
+    page = path.read_text(encoding="utf-8")
+    act = """<script>
+    setTimeout(() => {
+      const map = document.getElementById("map-1"), box = map.getBoundingClientRect();
+      // The middle of column 30, row 8.
+      const clientX = box.left + box.width * 30.5 / 40, clientY = box.top + box.height * 8.5 / 30;
+      map.dispatchEvent(new PointerEvent("pointermove", { clientX, clientY }));
+      LEAVE
+    }, 500);
+    </script></body>"""
+    path.write_text(page.replace("</body>", act.replace("LEAVE", "")), encoding="utf-8")
+    html, log = browse(path, "#date=0620-06-21&hour=8")
+    assert "CONSOLE" not in log
+    for k in range(2):
+        assert read_out(html, k)[0] == pytest.approx(luminance(k, 8.0, 0)[8, 30], rel=1.2e-3)
+        assert read_out(html, k)[1].startswith("column 30, row 8: L = ")
+    leave = 'map.dispatchEvent(new PointerEvent("pointerleave"));'
+    path.write_text(page.replace("</body>", act.replace("LEAVE", leave)), encoding="utf-8")
+    html, _ = browse(path, "#date=0620-06-21&hour=8")
+    assert [read_out(html, k)[0] for k in range(2)] == [None, None]
+
+
 def test_no_light_and_no_data_are_told_apart_in_the_browser(result, browse, tmp_path) -> None:  # type: ignore[no-untyped-def]
     path = write_day(result, tmp_path / "day.html")
     for place, says in [("column=0&row=0", "no data"), ("column=39&row=29", "no light")]:
