@@ -12,7 +12,7 @@ from typing import Any
 
 __all__ = ["digest", "file_digest", "record", "to_json", "versions"]
 
-_PACKAGES = ("specularia", "numpy", "scipy", "numba", "xarray", "pyradiance", "SurfaceTopography")
+_PACKAGES = ("specularia", "numpy", "scipy", "numba", "xarray", "pyradiance", "pvlib", "SurfaceTopography")
 
 
 def file_digest(path: str | Path) -> str:

@@ -7,14 +7,9 @@ from typing import Annotated, Any
 
 import typer
 
-from specularia.cli._common import Json, Quiet, Seed, emit, session, table
+from specularia.cli._common import Json, Quiet, Seed, emit, numbers, session, table
 
 app = typer.Typer(no_args_is_help=True, help="The lit room: illuminance and luminance behind a pane.")
-
-
-@app.callback()
-def _group() -> None:
-    """Keeps `run` a command of its own while it is the only one."""
 
 
 @app.command()
@@ -96,6 +91,130 @@ def run(
             [[p.window, p.model, p.view, p.luminance_cd_m2] for p in lit.panes],
         )
         emit(result, as_json=as_json, lines=[*lines, f"written to {output.resolve()}"])
+
+
+@app.command()
+def day(
+    room: Annotated[Path, typer.Argument(help="ROOM.toml with [place] or [weather], and dates in [day].")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for pictures and results.")],
+    model: Annotated[
+        list[str] | None, typer.Option("--model", help="NAME=FILE, as in `daylight run`; may be repeated.")
+    ] = None,
+    date: Annotated[
+        list[str] | None, typer.Option("--date", help="YYYY-MM-DD, instead of [day]; may be repeated.")
+    ] = None,
+    calendar: Annotated[
+        str | None, typer.Option("--calendar", help="gregorian or julian; needed for dates before 1583.")
+    ] = None,
+    hours: Annotated[
+        str | None, typer.Option("--hours", help="First hour, last hour and step, as in 6,18,1.")
+    ] = None,
+    full: Annotated[
+        bool, typer.Option("--full", help="Publication quality instead of what the room's file asks for.")
+    ] = False,
+    seed: Seed = 0,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Light a room hour by hour through chosen days, into one page with a time slider.
+
+    Finished hours are kept: a run that was stopped goes on, and only what changed is done again.
+    """
+    models = _named_files(model or [])
+    span = None if hours is None else numbers(hours, option="--hours")
+    if span is not None and len(span) != 3:
+        raise typer.BadParameter(f"{hours!r} is not first hour, last hour, step", param_hint="--hours")
+    with session(quiet=quiet):
+        from specularia import daylight
+        from specularia.files import write_json
+        from specularia.report.day_page import write_day
+        from specularia.report.figures import day_curves
+
+        found = daylight.day(
+            room,
+            folder=output,
+            models=models,
+            dates=date,
+            calendar=calendar,
+            hours=None if span is None else (span[0], span[1], span[2]),
+            seed=seed,
+            quality=daylight.FULL if full else None,
+        )
+        synthetic = "synthetic" in found.provenance
+        result = found.record()
+        has_points = bool(result["points"])
+        files = {
+            "html": write_day(found, output / "day.html", synthetic=synthetic).resolve(),
+            "figure": day_curves(found, output / "day.png", synthetic=synthetic).resolve()
+            if has_points
+            else None,
+        }
+        result |= {"files": files, "provenance": found.provenance}
+        write_json(output / "day.json", result)
+        lines = table(
+            ["date", "hour", "point", "model", "illuminance lx", "se"],
+            [
+                [p["date"], p["hour"], p["name"], p["model"], p["illuminance_lx"], p["se"]]
+                for p in result["points"]
+            ],
+        )
+        out = len(found.left_out)
+        lines += [f"{out} of {out + len(found.hours)} hours left out for want of light"] if out else []
+        emit(result, as_json=as_json, lines=[*lines, f"written to {output.resolve()}"])
+
+
+@app.command()
+def wea(
+    weather: Annotated[Path, typer.Argument(help="Weather file in EPW.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="WEA file to write.")],
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Turn an EPW weather file into Radiance's WEA, which gendaymtx reads."""
+    with session(quiet=quiet):
+        from specularia.daylight import read_weather, write_wea
+        from specularia.files import writable
+
+        writable(output)
+        found = read_weather(weather)
+        path = write_wea(found, output)
+        result = {
+            "wea": path.resolve(),
+            "hours": int(found.hour.size),
+            "station": found.station,
+            **found.place.model_dump(exclude={"orientation_deg"}),
+        }
+        lines = [f"{found.station}: {found.hour.size} hours, written to {path.resolve()}"]
+        emit(result, as_json=as_json, lines=lines)
+
+
+@app.command()
+def sun(
+    room: Annotated[Path, typer.Argument(help="ROOM.toml with [place] and [time], or with [sun].")],
+    date: Annotated[
+        str | None, typer.Option("--date", help="YYYY-MM-DD, instead of the file's; with --hour.")
+    ] = None,
+    hour: Annotated[
+        float | None, typer.Option("--hour", help="With decimals: 10.5 is half past ten.")
+    ] = None,
+    calendar: Annotated[
+        str | None, typer.Option("--calendar", help="gregorian or julian, of --date.")
+    ] = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Say where the sun stands and how much light sun and sky give, without rendering anything."""
+    with session(quiet=quiet):
+        from specularia.daylight import outside_at
+
+        result = outside_at(room, date=date, hour=hour, calendar=calendar)
+        rows = [
+            [name.replace("_", " "), f"{value:,.2f}" if isinstance(value, float) else value]
+            for name, value in result.items()
+            if value is not None
+        ]
+        lines = table(["outdoors", "value"], rows)
+        emit(result, as_json=as_json, lines=lines)
 
 
 def _named_files(options: list[str]) -> dict[str, Path]:

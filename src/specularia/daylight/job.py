@@ -38,7 +38,7 @@ floor, inside. A room for the south window of a house, complete::
     wall = "south"
 
     [sky]
-    kind = "clear"                 # clear | overcast | uniform | none
+    kind = "clear"                 # clear | intermediate | overcast | uniform | perez | none
 
     [ground]
     reflectance = 0.20
@@ -87,6 +87,19 @@ first; "*" stands for the model under comparison::
     name = "old, turned"
     file = "model_old.nc"
     turn_deg = 90.0
+
+Place and time may stand instead of the sun's angles (see `specularia.daylight.when`)::
+
+    [place]
+    latitude_deg = 37.94
+    longitude_deg = 27.34
+    time_zone = "solar"            # or hours ahead of UT
+    orientation_deg = 15.0         # bearing of the room's north (+y), clockwise from true north
+
+    [time]
+    date = "0620-06-21"
+    calendar = "julian"
+    hour = 10.5
 """
 
 from __future__ import annotations
@@ -97,6 +110,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field, field_validator, model_validator
 
+from specularia.daylight.when import Day, Place, Time, WeatherFile
 from specularia.jobs import FilePath, Job
 
 __all__ = [
@@ -243,21 +257,31 @@ class Sun(Job):
     """The wall that the azimuth is counted from."""
     normal_illuminance_lx: Annotated[float, Field(ge=0.0)] | None = None
     """Of the direct sun on a plane square to it. Left out: what gensky gives for this elevation if the sky is
-    clear or none, and nothing behind an overcast or uniform sky."""
+    clear, intermediate or none, what a sky of kind perez says, nothing behind an overcast or uniform sky."""
 
 
 class Sky(Job):
     """[sky]: luminance of the sky, without the sun's disc."""
 
-    kind: Literal["clear", "overcast", "uniform", "none"] = "clear"
-    """CIE clear, CIE overcast, uniform, or a black sky."""
+    kind: Literal["clear", "intermediate", "overcast", "uniform", "perez", "none"] = "clear"
+    """CIE clear, intermediate or overcast, uniform, Perez's all-weather sky, or a black sky."""
     horizontal_illuminance_lx: Annotated[float, Field(ge=0.0)] | None = None
     """Of the sky alone on the ground. Left out: what gensky gives for this elevation of the sun."""
+    direct_normal_irradiance_w_m2: Annotated[float, Field(ge=0.0, le=1420.0)] | None = None
+    """For perez: of the sun on a plane square to it."""
+    diffuse_horizontal_irradiance_w_m2: Annotated[float, Field(gt=0.0, le=1420.0)] | None = None
+    """For perez: of the sky alone on the ground."""
 
     @model_validator(mode="after")
-    def _black_is_black(self) -> Sky:
-        if self.kind == "none" and self.horizontal_illuminance_lx:
-            raise ValueError("no horizontal_illuminance_lx for a sky of kind none")
+    def _amounts_fit(self) -> Sky:
+        if self.kind in ("none", "perez") and self.horizontal_illuminance_lx:
+            raise ValueError(f"no horizontal_illuminance_lx for a sky of kind {self.kind}")
+        given = {self.direct_normal_irradiance_w_m2 is None, self.diffuse_horizontal_irradiance_w_m2 is None}
+        if given != {self.kind != "perez"}:
+            raise ValueError(
+                "direct_normal_irradiance_w_m2 and diffuse_horizontal_irradiance_w_m2 with a sky of kind "
+                "perez, and with no other"
+            )
         return self
 
 
@@ -399,6 +423,10 @@ class RoomJob(Job):
     geometry: Geometry | None = None
     reflectance: Reflectance = Reflectance()
     window: tuple[Window, ...] = ()
+    place: Place | None = None
+    time: Time | None = None
+    weather: WeatherFile | None = None
+    day: Day | None = None
     sun: Sun | None = None
     sky: Sky = Sky()
     ground: Ground = Ground()
@@ -415,7 +443,15 @@ class RoomJob(Job):
         if self.sun is None:
             return False
         given = self.sun.normal_illuminance_lx
-        return self.sky.kind in ("clear", "none") if given is None else given > 0.0
+        if given is None and self.sky.kind == "perez":
+            given = self.sky.direct_normal_irradiance_w_m2
+        return self.sky.kind in ("clear", "intermediate", "none") if given is None else given > 0.0
+
+    @property
+    def needs_sun(self) -> bool:
+        """Whether the sky cannot be known without the elevation of the sun."""
+        given = self.sky.horizontal_illuminance_lx is not None
+        return self.sky.kind != "none" and not (self.sky.kind in ("overcast", "uniform") and given)
 
     @model_validator(mode="after")
     def _one_room(self) -> RoomJob:
@@ -455,12 +491,19 @@ class RoomJob(Job):
 
     @model_validator(mode="after")
     def _sky_has_its_sun(self) -> RoomJob:
-        needs = self.sky.kind == "clear" or (
-            self.sky.kind in ("overcast", "uniform") and self.sky.horizontal_illuminance_lx is None
-        )
-        if needs and self.sun is None:
+        if self.needs_sun and not (self.sun or self.place or self.weather):
             raise ValueError(
-                f"a [sun] table for a sky of kind {self.sky.kind} (its elevation sets the sky's luminance); "
-                "for a sky without sun give normal_illuminance_lx = 0 in [sun]"
+                f"a [sun] table for a sky of kind {self.sky.kind} (its elevation sets the sky's luminance) "
+                "or [place] and [time]; for a sky without sun give normal_illuminance_lx = 0 in [sun]"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _one_sun(self) -> RoomJob:
+        if self.sun and (self.time or self.weather):
+            raise ValueError("the sun's angles in [sun], or a [time] (and [weather]), not both")
+        if (self.time or self.day) and not (self.place or self.weather):
+            raise ValueError("a table [place] for the dates (or [weather], whose file says where it is)")
+        if self.weather and "sky" in self.model_fields_set:
+            raise ValueError("no [sky] beside [weather]: its hours set the sky (kind perez)")
         return self

@@ -19,6 +19,7 @@ from specularia.daylight.checks import check_models, check_room, check_sun
 from specularia.daylight.geometry import Box
 from specularia.daylight.interreflection import Interreflection, Mesh, mesh, reflectances
 from specularia.daylight.job import Quality, RoomJob, View
+from specularia.daylight.moment import at
 from specularia.daylight.outdoors import Outdoors, incident_illuminance, outdoors
 from specularia.daylight.own_geometry import OwnRoom
 from specularia.daylight.panes import Glazing, Lights, lights
@@ -69,6 +70,7 @@ def run(
     job = room if isinstance(room, RoomJob) else load_toml(room, RoomJob)
     if quality is not None:
         job = job.model_copy(update={"quality": quality})
+    job = at(job, file=file)
     box: Box | OwnRoom
     if job.geometry is None:
         box = Box(job)
@@ -86,14 +88,14 @@ def run(
             found="none",
             advice="Add [[model]] to the room or give --model NAME=FILE.",
         )
-    held = {name: _glazing(m) for name, m in given.items()}
-    own = {g.name: _glazing(g.file) for g in job.glass}
+    held = {name: Glazing.of(m) for name, m in given.items()}
+    own = {g.name: Glazing.of(g.file) for g in job.glass}
     check_models({name: g.model for name, g in {**own, **held}.items()})
     out = outdoors(job)
     if folder is not None:
         folder = make_folder(folder)
     inputs = [] if job.geometry is None else [job.geometry.file]
-    inputs += [Path(m) for m in given.values() if isinstance(m, (str, Path))] + [g.file for g in job.glass]
+    inputs += [g.source for g in held.values() if g.source is not None] + [g.file for g in job.glass]
     inputs += [f for m in job.model for f in m.members]
     provenance = record(
         what=f"daylight in {job.name}",
@@ -116,7 +118,7 @@ def run(
     panes: list[PaneLuminance] = []
     intervals: dict[str, str] = {}
     sampling = job.quality.sampling
-    members = {m.name: [_glazing(f) for f in m.members] for m in job.model if m.members}
+    members = {m.name: [Glazing.of(f) for f in m.members] for m in job.model if m.members}
     steps = len(held) * (3 + (len(job.view) if folder is not None else 0))
     with task("room", steps + 2 * sum(len(m) for m in members.values())) as progress:
         spacing = 0.35 / np.sqrt(sampling)
@@ -175,16 +177,6 @@ def _intervals(points: list[Point], relative: float | None, members: list[Array]
     else:
         return points, "none: the model's file states no uncertainty"
     return [replace(p, interval_lx=(float(a), float(b))) for p, a, b in zip(points, low, high)], what
-
-
-def _glazing(given: ScatteringModel | Glazing | str | Path) -> Glazing:
-    if isinstance(given, Glazing):
-        return given
-    if isinstance(given, (str, Path)):
-        from specularia import bsdf
-
-        return Glazing(bsdf.read(given))
-    return Glazing(given)
 
 
 def _field(light: Interreflection | Ambient, spacing: float) -> IndirectField | Ambient:

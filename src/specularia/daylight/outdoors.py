@@ -2,25 +2,37 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from specularia.conventions import LUMINOUS_EFFICACY
 from specularia.daylight.geometry import pane_axes
 from specularia.daylight.job import RoomJob
-from specularia.radiance import run
+from specularia.daylight.moment import at
+from specularia.daylight.perez import SOLAR_CONSTANT_W_M2, PerezSky, perez_sky
+from specularia.daylight.sky import gensky_amounts, hemisphere, horizontal_share, relative_luminance
+from specularia.daylight.sun import sun_position
+from specularia.errors import SpeculariaWarning
 
-__all__ = ["SUN_DIAMETER_DEG", "Outdoors", "incident_illuminance", "outdoors", "sun_disc"]
+__all__ = [
+    "SUN_DIAMETER_DEG",
+    "Outdoors",
+    "hemisphere",
+    "incident_illuminance",
+    "outdoors",
+    "sun_direction",
+    "sun_disc",
+]
 
 Array = NDArray[np.float64]
 
 SUN_DIAMETER_DEG = 0.533
 """Apparent diameter of the sun, its mean over the year."""
 
-_GENSKY_SUN_DEG = 0.5
-"""Diameter that gensky gives the sun with its radiance; only the product, an illuminance, is used here."""
+_GENSKY_FADES_DEG = 9.2
+"""Elevation below which gensky takes the sine of the sun's elevation as 0.16."""
 
 
 @dataclass(frozen=True)
@@ -29,12 +41,13 @@ class Outdoors:
 
     Attributes
     ----------
-    kind : clear, overcast, uniform or none.
+    kind : clear, intermediate, overcast, uniform, perez or none.
     zenith : luminance of the zenith in cd/m2.
     sun : [3] unit vector towards the sun, or None.
     sun_illuminance : of the direct sun on a plane square to it, lx.
     ground : luminance of the ground in cd/m2.
     sky_illuminance : of the sky alone on the horizontal, lx.
+    perez : shape of the sky where its kind is perez.
     """
 
     kind: str
@@ -43,104 +56,89 @@ class Outdoors:
     sun_illuminance: float
     ground: float
     sky_illuminance: float
+    perez: PerezSky | None = None
 
     def luminance(self, directions: Array) -> Array:
         """cd/m2 of sky (z > 0) and ground, without the sun's disc, for [..., 3] unit vectors."""
-        sky = self.zenith * _relative(self.kind, directions, self.sun)
+        sky = self.zenith * relative_luminance(self.kind, directions, self.sun, self.perez)
         return np.where(directions[..., 2] > 0.0, sky, self.ground)
 
 
-def _relative(kind: str, directions: Array, sun: Array | None) -> Array:
-    """Luminance over that of the zenith, for directions above the horizon.
-
-    CIE clear: f(gamma) phi(z) / (f(z_s) phi(0)) with f = 0.91 + 10 exp(-3 gamma) + 0.45 cos^2 gamma and
-    phi = 1 - exp(-0.32 / cos z); CIE overcast: (1 + 2 cos z) / 3 (CIE S 003:1996; Radiance's skybright.cal).
-    """
-    z = np.maximum(directions[..., 2], 1e-3)
-    if kind == "uniform":
-        return np.ones(z.shape)
-    if kind == "overcast":
-        return (1.0 + 2.0 * z) / 3.0
-    if kind == "none" or sun is None:
-        return np.zeros(z.shape)
-
-    def around(cosine: Array) -> Array:
-        return 0.91 + 10.0 * np.exp(-3.0 * np.arccos(np.clip(cosine, -1.0, 1.0))) + 0.45 * cosine**2
-
-    at_zenith = around(np.asarray(sun[2])) * (1.0 - np.exp(-0.32))
-    return around(directions @ sun) * (1.0 - np.exp(-0.32 / z)) / at_zenith
-
-
 def outdoors(job: RoomJob) -> Outdoors:
-    """Sun, sky and ground of a room's job; what the job leaves open comes from gensky.
+    """Sun, sky and ground of a room's job; what the job leaves open comes from gensky, or from Perez's model.
 
-    Notes
-    -----
-    gensky's values follow from the elevation of the sun alone (turbidity 2.45); its radiances count 179 lm/W.
+    A job that gives place and time instead of angles is taken at that time (see `at`).
     """
-    sun, sun_lx = None, 0.0
+    job = at(job)
+    kind, sky = job.sky.kind, job.sky
+    sun, sun_lx, zenith = None, 0.0, 0.0
+    perez = _perez(job) if kind == "perez" else None
     if job.sun is not None:
         sun = sun_direction(job)
-        sun_lx = job.sun.normal_illuminance_lx or 0.0
-        if job.sun_shines and sun_lx == 0.0:
-            radiance = _gensky(job.sun.elevation_deg, "+s")[0]
-            solid_angle = 2.0 * np.pi * (1.0 - np.cos(np.radians(_GENSKY_SUN_DEG / 2)))
-            sun_lx = radiance * solid_angle * LUMINOUS_EFFICACY
-    zenith, given = 0.0, job.sky.horizontal_illuminance_lx
-    share = _horizontal_share(job.sky.kind, sun)
-    if job.sky.kind != "none":
-        if given is not None:
-            zenith = given / share
-        elif job.sun is not None:
-            switch = {"clear": "+s", "overcast": "-c", "uniform": "-u"}[job.sky.kind]
-            zenith = _gensky(job.sun.elevation_deg, switch)[1] * LUMINOUS_EFFICACY
+        if job.sun.normal_illuminance_lx is not None:
+            sun_lx = job.sun.normal_illuminance_lx
+        elif perez is not None:
+            sun_lx = perez.direct_illuminance
+        elif job.sun_shines:
+            sun_lx = gensky_amounts(kind, job.sun.elevation_deg)[0]
+            if job.sun.elevation_deg < _GENSKY_FADES_DEG:
+                warnings.warn(
+                    "below 9 degrees gensky's direct sun does not fade as the real one does: its light is "
+                    "too much. Give normal_illuminance_lx, or irradiances ([weather], or a sky of kind "
+                    "perez).",
+                    SpeculariaWarning,
+                    stacklevel=2,
+                )
+    share = horizontal_share(kind, sun, perez)
+    if perez is not None:
+        zenith = perez.diffuse_illuminance / share
+    elif kind != "none" and sky.horizontal_illuminance_lx is not None:
+        zenith = sky.horizontal_illuminance_lx / share
+    elif kind != "none" and job.sun is not None:
+        zenith = gensky_amounts(kind, job.sun.elevation_deg)[1]
     sky_lx = zenith * share
     horizontal = sky_lx + (sun_lx * max(float(sun[2]), 0.0) if sun is not None else 0.0)
     return Outdoors(
-        kind=job.sky.kind,
+        kind=kind,
         zenith=float(zenith),
         sun=sun,
         sun_illuminance=float(sun_lx),
         ground=job.ground.reflectance * horizontal / np.pi,
         sky_illuminance=float(sky_lx),
+        perez=perez,
     )
+
+
+def _perez(job: RoomJob) -> PerezSky:
+    """The sky of the job's irradiances; the sun's distance is that of the date, where there is one."""
+    direct, diffuse = job.sky.direct_normal_irradiance_w_m2, job.sky.diffuse_horizontal_irradiance_w_m2
+    assert job.sun is not None and direct is not None and diffuse is not None
+    distance = sun_position(job.place, job.time).distance_au if job.place and job.time else 1.0
+    found = perez_sky(
+        sun_elevation_deg=job.sun.elevation_deg,
+        direct_normal_w_m2=direct,
+        diffuse_horizontal_w_m2=diffuse,
+        extraterrestrial_w_m2=SOLAR_CONSTANT_W_M2 / distance**2,
+    )
+    if found.outside:
+        warnings.warn(
+            "some irradiances lie outside of what Perez's sky was fitted to (clearness 1 to 12.1, brightness "
+            "0.01 to 0.6); its shape and luminous efficacy are taken at the edge of that range.",
+            SpeculariaWarning,
+            stacklevel=3,
+        )
+    return found
 
 
 def sun_direction(job: RoomJob) -> Array:
     """[3] unit vector towards the sun."""
-    assert job.sun is not None
-    x, _, out = pane_axes(job.sun.wall)
-    e, a = np.radians(job.sun.elevation_deg), np.radians(job.sun.azimuth_deg)
+    sun = at(job).sun
+    assert sun is not None
+    x, _, out = pane_axes(sun.wall)
+    e, a = np.radians(sun.elevation_deg), np.radians(sun.azimuth_deg)
     # Clockwise from above, from the outward normal, is to the left of somebody who looks at the wall from
     # outside: against the sample's x.
     return np.cos(e) * (np.cos(a) * out - np.sin(a) * x) + np.sin(e) * np.array([0.0, 0.0, 1.0])
-
-
-def _gensky(elevation_deg: float, switch: str) -> tuple[float, float]:
-    """(radiance of the sun, radiance of the zenith) that gensky gives, W/(m2 sr)."""
-    text = run(["gensky", "-ang", f"{elevation_deg:.6f}", "0", switch]).decode()
-    words = [w for line in text.splitlines() if not line.startswith("#") for w in line.split()]
-    sun = float(words[words.index("solar") + 4]) if "solar" in words else 0.0
-    brightness = words.index("skybright.cal")
-    return sun, float(words[brightness + 4])
-
-
-def hemisphere(normal: Array, polar: int = 180, azimuths: int = 360) -> tuple[Array, Array]:
-    """Directions [K, 3] about a normal and projected solid angles [K], midpoints of cos^2 and azimuth."""
-    sine = np.sqrt((np.arange(polar) + 0.5) / polar)
-    phi = (np.arange(azimuths) + 0.5) * (2.0 * np.pi / azimuths)
-    s, p = (v.ravel() for v in np.meshgrid(sine, phi, indexing="ij"))
-    a = np.cross(normal, [0.0, 0.0, 1.0] if abs(normal[2]) < 0.9 else [1.0, 0.0, 0.0])
-    a /= np.linalg.norm(a)
-    b = np.cross(normal, a)
-    d = (s * np.cos(p))[:, None] * a + (s * np.sin(p))[:, None] * b + np.sqrt(1.0 - s * s)[:, None] * normal
-    return d, np.full(s.size, np.pi / s.size)
-
-
-def _horizontal_share(kind: str, sun: Array | None) -> float:
-    """Horizontal illuminance of the sky for a zenith of 1 cd/m2."""
-    d, w = hemisphere(np.array([0.0, 0.0, 1.0]))
-    return float(np.sum(w * _relative(kind, d, sun)))
 
 
 def incident_illuminance(out: Outdoors, normal: Array) -> tuple[float, float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,10 +26,28 @@ _CLEAR_GLASS = 0.15
 
 
 class Glazing:
-    """A scattering model in a window; what follows from it alone is kept for the next sky or wall."""
+    """A scattering model in a window; what follows from it alone is kept for the next sky, hour or wall.
 
-    def __init__(self, model: ScatteringModel) -> None:
+    Parameters
+    ----------
+    model : needs transmission_front and transmission_back.
+    source : file it came from, for the provenance.
+    """
+
+    @classmethod
+    def of(cls, given: ScatteringModel | Glazing | str | Path) -> Glazing:
+        """A model, or the one that a file holds."""
+        if isinstance(given, Glazing):
+            return given
+        if isinstance(given, (str, Path)):
+            from specularia import bsdf
+
+            return cls(bsdf.read(given), Path(given))
+        return cls(given)
+
+    def __init__(self, model: ScatteringModel, source: Path | None = None) -> None:
         self.model = model
+        self.source = source
         self._transfer: dict[float, SkyTransfer] = {}
         self._reflectance: float | None = None
         self.assumed_reflectance = _CLEAR_GLASS

@@ -131,10 +131,12 @@ def _room(job: StudyJob, sources: Sources, notes: _Notebook) -> None:
     from specularia.daylight.checks import check_room
     from specularia.daylight.geometry import Box
     from specularia.daylight.job import RoomJob
+    from specularia.daylight.moment import at
 
     if job.room:
         with notes.page():
-            check_room(Box(load_toml(job.room.settings, RoomJob)), job.room.settings)
+            room = at(load_toml(job.room.settings, RoomJob), file=job.room.settings)
+            check_room(Box(room), job.room.settings)
 
 
 def _finds(job: StudyJob, sources: Sources, notes: _Notebook) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from specularia.report.figures.curves import sections, tau_curves
 from specularia.report.figures.cutoff import cutoff
+from specularia.report.figures.day import day_curves
 from specularia.report.figures.distribution import dsf, measured_dsf, ratio_map
 from specularia.report.figures.finds import finds_by_colour, finds_on_plan
 from specularia.report.figures.healing import healed
@@ -15,6 +16,7 @@ from specularia.report.figures.texture import abbott_curve, directions, power_sp
 __all__ = [
     "abbott_curve",
     "cutoff",
+    "day_curves",
     "directions",
     "dsf",
     "finds_by_colour",
