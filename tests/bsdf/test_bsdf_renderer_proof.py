@@ -49,6 +49,17 @@ def test_a_dome_is_seen_with_tau_within_one_percent_at_all_angles(
         assert seen == pytest.approx(_bin(model, side, theta, resolution), rel=0.01), theta
 
 
+def test_a_pane_that_passes_little_is_seen_before_a_dome_with_all_its_light(
+    chiral: Any, tmp_path: Path
+) -> None:
+    """rtrace's threshold for specular light, 0.15, would take a tenth of it away at 75 degrees."""
+    dim = replace(chiral, tau=0.16)
+    path = bsdf.write(dim, tmp_path / "dim.xml", resolution=5).path
+    for theta in (5.0, 40.0):
+        seen = rendered_dome(path, theta_deg=theta)
+        assert seen == pytest.approx(_bin(dim, SIDES[0], theta, 5), rel=0.005), theta
+
+
 @pytest.mark.parametrize("side", SIDES)
 def test_a_sun_is_seen_within_one_percent_of_what_theory_predicts(
     written: tuple[Any, Path], side: str

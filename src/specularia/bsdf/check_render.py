@@ -48,7 +48,8 @@ def _octree(folder: Path, xml: Path, light: str, *, up: str, corners: str) -> No
 def _trace(folder: Path, towards: Array, *options: str) -> Array:
     """Radiance that leaves the middle of the pane in the directions `towards` [N, 3]."""
     rays = np.concatenate([0.5 * towards, -towards], axis=1).astype("<f4")
-    fixed = ["-h", "-ffd", "-ab", "1", "-aa", "0", "-lw", "1e-4"]
+    # Without -st 0, rtrace leaves part of the light of panes that pass little to its ambient calculation.
+    fixed = ["-h", "-ffd", "-ab", "1", "-aa", "0", "-lw", "1e-4", "-st", "0"]
     out = run(["rtrace", *fixed, *options, "scene.oct"], data=rays.tobytes(), cwd=folder)
     return np.frombuffer(out, "<f8").reshape(-1, 3)[:, 1]
 
