@@ -73,6 +73,16 @@ def test_a_reveal_outside_and_a_niche_inside_cut_the_beam() -> None:
     assert lux(inner)["no glass"] == pytest.approx([full, full, full, 0, 0], rel=1e-4, abs=1e-6)
 
 
+def test_the_spread_of_a_healed_ensemble_joins_the_interval_of_the_transmission() -> None:
+    from specularia.daylight.uncertainty import _error
+
+    model: Any = Doubtful()
+    model.attributes = {"ensemble": '{"theta_deg": [0, 60], "tau_sd": [0.01, 0.03]}'}
+    found = _error(model, np.array([0.0, 30.0, 60.0]))
+    expected = np.hypot(0.04, np.array([0.01, 0.02, 0.03]) / 0.5)
+    assert found == pytest.approx(expected, rel=1e-6)
+
+
 @dataclass
 class Doubtful(Diffuser):
     """A diffuser that states how well its transmission is known."""

@@ -2,11 +2,11 @@
 
 Light in a room is proportional to what the panes transmit. Where a model states an interval for its
 direct-hemispherical transmission (the noise of a measurement and what lies between its angles; the spread
-between patches of a height map), the same relative error is passed on: for the sun's share of the light that
-at the sun's incident angle, for the sky's share the mean over incident angles, weighed with what passes. The
-noise of the distribution's shape averages out over a lobe and is not in it. Where members of an ensemble
-are given (healed surfaces, patches), each lights the room by itself, and the spread of the results holds the
-shape too.
+between patches of a height map or between members of a healed ensemble), the same relative error is passed
+on: for the sun's share of the light that at the sun's incident angle, for the sky's share the mean over
+incident angles, weighed with what passes. The noise of the distribution's shape averages out over a lobe and
+is not in it. Where models of the members themselves are given, each lights the room by itself, and the spread of
+the results holds the shape too.
 """
 
 from __future__ import annotations
@@ -40,9 +40,11 @@ def _error(model: Any, theta_deg: Array) -> Array | None:
     tau = model.direct_hemispherical(_FRONT, theta_deg)
     low, high = model.tau_interval(_FRONT, theta_deg, level=LEVEL)
     error = np.maximum(high - tau, tau - low) / ndtri(0.5 + 0.5 * LEVEL)
-    if "patches" in (attributes := getattr(model, "attributes", {})):
-        between = json.loads(attributes["patches"])
-        error = np.hypot(error, np.interp(theta_deg, between["theta_deg"], between["tau_error"]))
+    attributes = getattr(model, "attributes", {})
+    for name, spread in (("patches", "tau_error"), ("ensemble", "tau_sd")):
+        if name in attributes:
+            between = json.loads(attributes[name])
+            error = np.hypot(error, np.interp(theta_deg, between["theta_deg"], between[spread]))
     return np.divide(error, tau, out=np.zeros_like(error), where=tau > 0.0)
 
 

@@ -78,7 +78,10 @@ def model_h(work: Work) -> Mapping[str, Any]:
     """Trace the glass between typical members of the healed faces, and the interval from all members."""
     from dataclasses import replace
 
+    import numpy as np
+
     from specularia import analysis, glass, surface
+    from specularia.provenance import to_json
 
     given = work.parameters
     slab = glass.read_slab(work.file("settings"), seed=given["seed"])
@@ -111,6 +114,10 @@ def model_h(work: Work) -> Mapping[str, Any]:
     model = glass.model(
         typical, paths=given["paths"], seed=given["seed"], wavelength_nm=given["wavelength_nm"]
     )
+    # Between one member and the next lies what the room must know of the model's uncertainty.
+    spread = pane.tau.std(axis=0, ddof=1) * np.sqrt(1.0 + 1.0 / len(pane.tau))
+    ensemble = {"theta_deg": pane.theta_deg, "members": len(pane.tau), "tau_sd": spread}
+    model = replace(model, attributes={**model.attributes, "ensemble": to_json(ensemble)})
     said = write_model(work, "H", model, synthetic=slab.synthetic)
     tau, width = pane.interval("tau"), pane.interval("fwhm_deg")
     rows = [

@@ -14,6 +14,14 @@ if TYPE_CHECKING:
 __all__ = ["room"]
 
 
+def _reading(point: Any) -> str:
+    """An illuminance with its error and, where the model states one, its interval."""
+    text = f"{point.illuminance_lx:,.0f} ± {point.se:.1f}"
+    if point.interval_lx is None:
+        return text
+    return f"{text} ({point.interval_lx[0]:,.0f} to {point.interval_lx[1]:,.0f})"
+
+
 def room(work: Work) -> Mapping[str, Any]:
     """Light the room through each model; illuminance at its points and luminance maps of its views."""
     from specularia import daylight
@@ -27,15 +35,14 @@ def room(work: Work) -> Mapping[str, Any]:
     names = list(dict.fromkeys(p.model for p in lit.points))
     value = {(p.name, p.model): p for p in lit.points}
     places = list(dict.fromkeys(p.name for p in lit.points))
-    rows = [
-        [place, *(f"{value[place, m].illuminance_lx:,.0f} ± {value[place, m].se:.1f}" for m in names)]
-        for place in places
-    ]
+    rows = [[place, *(_reading(value[place, m]) for m in names)] for place in places]
     blocks = []
     if rows:
         caption = (
-            "Illuminance (lx) at the named points, direct and interreflected. The standard error is that "
-            "of the computation; it does not know of the model's, the sky's and the room's uncertainty."
+            "Illuminance (lx) at the named points, direct and interreflected, with the standard error of the "
+            "computation. In brackets the 95 % interval that the model's own uncertainty gives as well: "
+            "noise of a measurement and what lies between its angles, or the spread between members of a "
+            "healed ensemble. Sky and room are taken as known."
         )
         blocks.append(table(["point", *(f"Model {m}" for m in names)], rows, caption, synthetic=synthetic))
     panes = [
@@ -71,7 +78,13 @@ def room(work: Work) -> Mapping[str, Any]:
     return {
         "synthetic": synthetic,
         "points": [
-            {"name": p.name, "model": p.model, "illuminance_lx": p.illuminance_lx, "se": p.se}
+            {
+                "name": p.name,
+                "model": p.model,
+                "illuminance_lx": p.illuminance_lx,
+                "se": p.se,
+                "interval_lx": p.interval_lx,
+            }
             for p in lit.points
         ],
         "blocks": blocks,
