@@ -11,16 +11,28 @@ from numpy.typing import NDArray
 
 from specularia.bsdf import ScatteringModel
 from specularia.daylight.geometry import ROOM, Box, pane_axes
+from specularia.daylight.job import RoomJob
 from specularia.daylight.outdoors import sun_direction
 from specularia.daylight.own_geometry import OwnRoom
 from specularia.errors import CoverageError, FormatError, SpeculariaWarning
 
-__all__ = ["check_models", "check_room", "check_sun"]
+__all__ = ["check_models", "check_room", "check_sun", "room_of"]
 
 Array = NDArray[np.float64]
 
 _TOUCH = 1e-6
 """Metres within which a point counts as on a face."""
+
+
+def room_of(job: RoomJob, file: Path) -> Box | OwnRoom:
+    """The room of a job, after the checks of this module."""
+    if job.geometry is not None:
+        own = OwnRoom(job, file)
+        check_sun(own, file)
+        return own
+    box = Box(job)
+    check_room(box, file)
+    return box
 
 
 def check_room(box: Box, file: Path) -> None:

@@ -15,7 +15,7 @@ from scipy.special import ndtri
 from specularia.bsdf import ScatteringModel
 from specularia.daylight.ambient import Ambient
 from specularia.daylight.beam import beam_illuminance
-from specularia.daylight.checks import check_models, check_room, check_sun
+from specularia.daylight.checks import check_models, room_of
 from specularia.daylight.geometry import Box
 from specularia.daylight.interreflection import Interreflection, Mesh, mesh, reflectances
 from specularia.daylight.job import Quality, RoomJob, View
@@ -71,13 +71,7 @@ def run(
     if quality is not None:
         job = job.model_copy(update={"quality": quality})
     job = at(job, file=file)
-    box: Box | OwnRoom
-    if job.geometry is None:
-        box = Box(job)
-        check_room(box, file)
-    else:
-        box = OwnRoom(job, file)
-        check_sun(box, file)
+    box = room_of(job, file)
     given: dict[str, ScatteringModel | Glazing | str | Path] = {m.name: m.file for m in job.model}
     given.update(models or {})
     given.update({name: reference(name) for name in job.references})

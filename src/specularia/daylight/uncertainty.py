@@ -5,8 +5,8 @@ direct-hemispherical transmission (the noise of a measurement and what lies betw
 between patches of a height map or between members of a healed ensemble), the same relative error is passed
 on: for the sun's share of the light that at the sun's incident angle, for the sky's share the mean over
 incident angles, weighed with what passes. The noise of the distribution's shape averages out over a lobe and
-is not in it. Where models of the members themselves are given, each lights the room by itself, and the spread of
-the results holds the shape too.
+is not in it. Where models of the members themselves are given, each lights the room by itself, and the spread
+of the results holds the shape too.
 """
 
 from __future__ import annotations

@@ -128,15 +128,13 @@ def _glass(job: StudyJob, sources: Sources, notes: _Notebook) -> None:
 
 def _room(job: StudyJob, sources: Sources, notes: _Notebook) -> None:
     """The room can be built."""
-    from specularia.daylight.checks import check_room
-    from specularia.daylight.geometry import Box
+    from specularia.daylight.checks import room_of
     from specularia.daylight.job import RoomJob
     from specularia.daylight.moment import at
 
     if job.room:
         with notes.page():
-            room = at(load_toml(job.room.settings, RoomJob), file=job.room.settings)
-            check_room(Box(room), job.room.settings)
+            room_of(at(load_toml(job.room.settings, RoomJob), file=job.room.settings), job.room.settings)
 
 
 def _finds(job: StudyJob, sources: Sources, notes: _Notebook) -> None:
