@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from specularia.bsdf import ScatteringModel
 from specularia.daylight.geometry import Box
+from specularia.daylight.grids import check_grids
 from specularia.daylight.outdoors import sun_direction
 from specularia.errors import CoverageError, FormatError, SpeculariaWarning
 
@@ -28,7 +29,10 @@ def check_room(box: Box, file: Path) -> None:
     _check_sun(box, file)
     for sensor in box.job.sensor:
         _check_sensor(box, sensor.name, np.array(sensor.position_m), np.array(sensor.normal), file)
+    check_grids(box, file)
     for view in box.job.view:
+        if view.position_m is None:
+            continue
         at = np.array(view.position_m)
         if np.any(at < 0.01) or np.any(at > box.size - 0.01):
             raise FormatError(

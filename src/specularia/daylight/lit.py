@@ -11,14 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specularia.bsdf import ScatteringModel
+from specularia.daylight.camera import Camera
 from specularia.daylight.checks import check_models, check_room
 from specularia.daylight.emission import EmissionMap, back_reflectance, emission_map
 from specularia.daylight.geometry import Box, Pane
+from specularia.daylight.glare import glare_at
+from specularia.daylight.grids import grid_sensors, reference_illuminance, split
 from specularia.daylight.interreflection import Interreflection, Mesh, mesh, reflectances
 from specularia.daylight.job import Quality, RoomJob, View
 from specularia.daylight.outdoors import Outdoors, incident_illuminance, outdoors
-from specularia.daylight.picture import IndirectField, project, render, write_hdr
-from specularia.daylight.results import DaylightResult, Image, PaneLuminance, Point
+from specularia.daylight.picture import IndirectField, render, write_hdr
+from specularia.daylight.results import DaylightResult, Glare, GridResult, Image, PaneLuminance, Point
 from specularia.daylight.scene import Scene
 from specularia.errors import FormatError
 from specularia.files import atomic, make_folder
@@ -99,6 +102,8 @@ def run(
     points: list[Point] = []
     images: list[Image] = []
     panes: list[PaneLuminance] = []
+    grids: list[GridResult] = []
+    glare: list[Glare] = []
     with task("room", len(held) * (3 + len(job.view))) as progress:
         spacing = 0.35 / np.sqrt(job.quality.sampling)
         meshes = [mesh(box, k * spacing, points=0.09 * k / job.quality.sampling) for k in (1.0, 1.5)]
@@ -116,15 +121,29 @@ def run(
                     [m.coarsened() for m in maps],
                     sampling=job.quality.sampling,
                 )
-                points += _points(name, scene, control, light, seed)
+                named, surveyed = split(
+                    _points(name, scene, control, light, seed), model=name, box=box, out=out
+                )
+                points += named
+                grids += surveyed
                 progress.advance()
                 if folder is not None:
                     field = IndirectField(box, light[0], 0.3 / np.sqrt(job.quality.sampling))
                     for view in job.view:
                         images.append(_image(name, view, scene, field, rho, folder, provenance))
+                        if view.wants_glare:
+                            glare.append(glare_at(images[-1], scene, light[0], fineness=_FINE))
                         progress.advance()
             panes += _panes(name, box, maps, out)
-    return DaylightResult(points=points, images=images, panes=panes, provenance=provenance)
+    return DaylightResult(
+        points=points,
+        images=images,
+        panes=panes,
+        grids=grids,
+        glare=glare,
+        no_daylight_factor=reference_illuminance(out)[1],
+        provenance=provenance,
+    )
 
 
 def _model(given: ScatteringModel | str | Path) -> ScatteringModel:
@@ -164,13 +183,13 @@ def _interreflection(scene: Scene, m: Mesh, panes: Sequence[float]) -> Interrefl
 def _points(
     name: str, scene: Scene, control: Scene, light: Sequence[Interreflection], seed: int
 ) -> list[Point]:
-    """Illuminance at the sensors.
+    """Illuminance at the sensors, then at the points of grids.
 
     The standard error joins three parts: the spread over differently cut panes; a third of the change when
     emission map and points on the panes are half as dense (both errors fall with the square of the density);
     and the change of the reflected light when the mesh of the walls is coarser by half.
     """
-    sensors = scene.box.job.sensor
+    sensors = [*scene.box.job.sensor, *grid_sensors(scene.box)]
     if not sensors:
         return []
     at = scene.box.lifted(np.array([s.position_m for s in sensors]))
@@ -211,25 +230,26 @@ def _image(
     # Radiance divides a source into 64 parts at most: larger pieces would show the needle of light that
     # smooth patches of the glass let through as a row of separate images.
     octree = scene.octree("picture", cell=0.1)
+    camera = Camera.of(view, scene.box.size)
     luminance = render(
-        view, scene=scene, octree=octree, field=field, panes=panes, fineness=1.0 / scene.sampling
+        camera, scene=scene, octree=octree, field=field, panes=panes, fineness=1.0 / scene.sampling
     )
     stem = file_name(f"{name}_{view.name}")
-    hdr = write_hdr(folder / f"{stem}.hdr", luminance, view, what=f"specularia daylight, model {name}")
+    hdr = write_hdr(folder / f"{stem}.hdr", luminance, camera, what=f"specularia daylight, model {name}")
     with atomic(folder / f"{stem}.npz") as temporary:
         arrays: dict[str, Any] = {"luminance": luminance.astype(np.float32), "units": "cd/m2", **provenance}
         np.savez_compressed(temporary, **arrays)
-    return Image(name, view.name, hdr, folder / f"{stem}.npz", luminance, view, _pixels(scene.box, view))
+    return Image(name, view.name, hdr, folder / f"{stem}.npz", luminance, view, _pixels(scene.box, camera))
 
 
-def _pixels(box: Box, view: View) -> dict[str, tuple[float, float]]:
+def _pixels(box: Box, camera: Camera) -> dict[str, tuple[float, float]]:
     """Picture positions of sensors whose lit side faces the eye."""
     sensors = box.job.sensor
     if not sensors:
         return {}
     at = np.array([s.position_m for s in sensors])
-    facing = np.sum((np.array(view.position_m) - at) * np.array([s.normal for s in sensors]), axis=1) > 0
-    found = project(view, at)
+    facing = np.sum(camera.towards_eye(at) * np.array([s.normal for s in sensors]), axis=1) > 0
+    found = camera.project(at)
     return {
         s.name: (float(c), float(r)) for s, (c, r), f in zip(sensors, found, facing) if f and np.isfinite(c)
     }
@@ -240,7 +260,8 @@ def _panes(name: str, box: Box, maps: Sequence[EmissionMap], out: Outdoors) -> l
     for pane, emission in zip(box.panes, maps):
         sun, sky = incident_illuminance(out, pane.axes[2])
         eyes = [("normal", -pane.axes[2])]
-        eyes += [(v.name, np.array(v.position_m) - pane.centre) for v in box.job.view]
+        placed = [v for v in box.job.view if v.position_m is not None]
+        eyes += [(v.name, np.array(v.position_m) - pane.centre) for v in placed]
         for eye, direction in eyes:
             local = pane.axes @ (direction / np.linalg.norm(direction))
             luminance = float(emission.towards(local[0], local[1])) if local[2] < 0 else 0.0

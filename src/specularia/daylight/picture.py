@@ -10,50 +10,22 @@ from numpy.typing import NDArray
 
 from specularia.conventions import LUMINOUS_EFFICACY
 from specularia.daylight._grid import bilinear
+from specularia.daylight.camera import Camera
 from specularia.daylight.geometry import Box
 from specularia.daylight.interreflection import Interreflection, by_part
-from specularia.daylight.job import View
 from specularia.daylight.scene import Scene
 from specularia.files import atomic
 from specularia.radiance import run
 
-__all__ = ["IndirectField", "project", "rays", "render", "write_hdr"]
+__all__ = ["IndirectField", "render", "write_hdr"]
 
 Array = NDArray[np.float64]
 
 _FINE: Array = (np.arange(3) + 0.5) / 3
 """Places within a pixel, across and down, of the rays of pixels in which surfaces meet."""
 
-
-def _frame(view: View) -> tuple[Array, Array, Array]:
-    """Direction, right (times the tangent of the half angle) and up (likewise) of a view."""
-    forward, up = np.array(view.direction), np.array(view.up)
-    right = np.cross(forward, up)
-    right /= np.linalg.norm(right)
-    half = np.tan(np.radians(view.horizontal_deg / 2))
-    columns, rows = view.size_px
-    return forward, right * half, np.cross(right, forward) * half * rows / columns
-
-
-def rays(view: View, column: Array, row: Array) -> Array:
-    """[K, 3] unit vectors through picture positions in pixels from the upper left corner."""
-    forward, right, up = _frame(view)
-    columns, rows = view.size_px
-    d = forward + (2 * column / columns - 1)[:, None] * right + (1 - 2 * row / rows)[:, None] * up
-    return d / np.linalg.norm(d, axis=1, keepdims=True)
-
-
-def project(view: View, points: Array) -> Array:
-    """[K, 2] picture positions (column, row) of points; NaN for those outside the picture."""
-    forward, right, up = _frame(view)
-    d = points - np.array(view.position_m)
-    depth = d @ forward
-    columns, rows = view.size_px
-    with np.errstate(divide="ignore", invalid="ignore"):
-        x = 0.5 * columns * (1 + (d @ right) / (right @ right) / depth)
-        y = 0.5 * rows * (1 - (d @ up) / (up @ up) / depth)
-    seen = (depth > 0) & (x >= 0) & (x <= columns) & (y >= 0) & (y <= rows)
-    return np.where(seen[:, None], np.stack([x, y], axis=1), np.nan)
+_NOTHING = -1_000_000
+"""Number of no surface: outside the circle of a fisheye."""
 
 
 class IndirectField:
@@ -89,37 +61,42 @@ def _crowded(length: float, spacing: float) -> Array:
 
 
 def render(
-    view: View, *, scene: Scene, octree: str, field: IndirectField, panes: Sequence[float], fineness: float
+    camera: Camera,
+    *,
+    scene: Scene,
+    octree: str,
+    field: IndirectField,
+    panes: Sequence[float],
+    fineness: float,
 ) -> Array:
-    """Luminance picture [rows, columns] in cd/m2.
+    """Luminance picture [rows, columns] in cd/m2; 0 outside the circle of a fisheye.
 
     One ray through the middle of each pixel; pixels next to which another surface begins get nine.
 
     Parameters
     ----------
-    view : what is looked at.
+    camera : what is looked at.
     scene, octree : the panes as light sources.
     field : reflected light on the faces.
     panes : reflectance of each pane's room side.
     fineness : see `Scene.illuminance`.
     """
-    columns, rows = view.size_px
+    columns, rows = camera.size_px
     c, r = (a.ravel() for a in np.meshgrid(np.arange(columns), np.arange(rows)))
 
     def seen(column: NDArray[np.floating], row: NDArray[np.floating]) -> tuple[Array, NDArray[np.intp]]:
-        directions = rays(view, np.asarray(column, float), np.asarray(row, float))
-        origins = np.broadcast_to(np.array(view.position_m), directions.shape)
-        luminance, points = scene.look(octree, origins, directions, fineness=fineness)
-        box = scene.box
-        face, part, u, v = box.locate(points)
-        bare = np.array([f.reflectance for f in box.faces.values()])
-        received = field.at(face, u, v)
-        normals = np.array([f.normal for f in box.faces.values()])[face]
-        glass = part >= 0
-        # Radiance's light sources reflect nothing; what falls on a pane from panes in other walls comes here.
-        received[glass] += scene.illuminance(octree, box.lifted(points[glass]), normals[glass])
-        rho = by_part(face, part, bare, box.job.reflectance.frames, panes)
-        return luminance + rho / np.pi * received, face * 1000 + part
+        origins, directions, inside = camera.rays(np.asarray(column, float), np.asarray(row, float))
+        luminance, surface = np.zeros(inside.shape), np.full(inside.shape, _NOTHING, dtype=np.intp)
+        luminance[inside], surface[inside] = _look(
+            origins[inside],
+            directions[inside],
+            scene=scene,
+            octree=octree,
+            field=field,
+            panes=panes,
+            fineness=fineness,
+        )
+        return luminance, surface
 
     luminance, surface = seen(c + 0.5, r + 0.5)
     picture, kind = luminance.reshape(rows, columns), surface.reshape(rows, columns)
@@ -139,17 +116,34 @@ def render(
     return picture
 
 
-def write_hdr(path: Path, luminance: Array, view: View, *, what: str) -> Path:
+def _look(
+    origins: Array,
+    directions: Array,
+    *,
+    scene: Scene,
+    octree: str,
+    field: IndirectField,
+    panes: Sequence[float],
+    fineness: float,
+) -> tuple[Array, NDArray[np.intp]]:
+    """Luminance [K] along rays, and a number for the surface that each one meets."""
+    luminance, points = scene.look(octree, origins, directions, fineness=fineness)
+    box = scene.box
+    face, part, u, v = box.locate(points)
+    bare = np.array([f.reflectance for f in box.faces.values()])
+    received = field.at(face, u, v)
+    normals = np.array([f.normal for f in box.faces.values()])[face]
+    glass = part >= 0
+    # Radiance's light sources reflect nothing; what falls on a pane from panes in other walls comes here.
+    received[glass] += scene.illuminance(octree, box.lifted(points[glass]), normals[glass])
+    rho = by_part(face, part, bare, box.job.reflectance.frames, panes)
+    return luminance + rho / np.pi * received, face * 1000 + part
+
+
+def write_hdr(path: Path, luminance: Array, camera: Camera, *, what: str) -> Path:
     """Write a Radiance picture, grey, radiance = luminance / 179, with the view in its header."""
     rows, columns = luminance.shape
-    vertical = 2 * np.degrees(np.arctan(np.tan(np.radians(view.horizontal_deg / 2)) * rows / columns))
-    p, d, u = view.position_m, view.direction, view.up
-    header = (
-        f"#?RADIANCE\n{what}\n"
-        f"VIEW= -vtv -vp {p[0]:.6g} {p[1]:.6g} {p[2]:.6g} -vd {d[0]:.6g} {d[1]:.6g} {d[2]:.6g} "
-        f"-vu {u[0]:.6g} {u[1]:.6g} {u[2]:.6g} -vh {view.horizontal_deg:.6g} -vv {vertical:.6g}\n\n"
-        f"-Y {rows} +X {columns}\n"
-    )
+    header = f"#?RADIANCE\n{what}\nVIEW= {camera.header()}\n\n-Y {rows} +X {columns}\n"
     values = np.repeat((luminance / LUMINOUS_EFFICACY).astype("<f4").ravel(), 3)
     data = run(["pvalue", "-r", "-df"], data=header.encode() + values.tobytes())
     with atomic(path) as temporary:
