@@ -31,23 +31,33 @@ def edges(at: Array) -> Array:
     return np.asarray(np.arange(at.size + 1) * step, float)
 
 
-def set_plan(panel: Axes, grid: GridResult) -> None:
-    """Limits, equal scales and labels of a panel that shows a grid in metres."""
-    flat = abs(float(grid.normal[2])) > 0.99
+def set_plan(panel: Axes, grid: GridResult) -> tuple[Array, Array]:
+    """Limits, equal scales and labels of a panel that shows a grid; the borders of its cells along x and y.
+
+    A horizontal grid that runs east and north is shown in the room's metres, any other from its own corner.
+    """
+    x, y = edges(grid.along_m), edges(grid.across_m)
+    east = _runs(grid, 0) and _runs(grid, 1)
+    if east:
+        first = grid.points_m[0, 0]
+        x, y = x + (first[0] - grid.along_m[0]), y + (first[1] - grid.across_m[0])
     panel.set(
-        xlim=(0.0, edges(grid.along_m)[-1]),
-        ylim=(0.0, edges(grid.across_m)[-1]),
+        xlim=(x[0], x[-1]),
+        ylim=(y[0], y[-1]),
         aspect="equal",
-        xlabel="eastward (m)" if flat and _runs(grid, 0) else "along (m)",
-        ylabel="northward (m)" if flat and _runs(grid, 1) else "across (m)",
+        xlabel="x, eastward (m)" if east else "along (m)",
+        ylabel="y, northward (m)" if east else "across (m)",
     )
     for spine in panel.spines.values():
         spine.set_visible(True)
+    return x, y
 
 
 def _runs(grid: GridResult, axis: int) -> bool:
     """Whether the grid's columns run east (axis 0), or its rows north (axis 1)."""
     p = grid.points_m
+    if abs(float(grid.normal[2])) < 0.99:
+        return False
     if p.shape[1 - axis] < 2:
         return True
     step = p[0, 1] - p[0, 0] if axis == 0 else p[1, 0] - p[0, 0]
@@ -88,9 +98,10 @@ def illuminance_plans(grids: Sequence[GridResult], path: str | Path, *, syntheti
         axes = figure.subplots(1, len(grids), squeeze=False)[0]
         for k, (grid, value) in enumerate(zip(grids, values)):
             panel = axes[k]
+            x, y = set_plan(panel, grid)
             picture = panel.pcolormesh(
-                edges(grid.along_m),
-                edges(grid.across_m),
+                x,
+                y,
                 np.where(value > 0, value, np.nan),
                 norm=LogNorm(low, high),
                 cmap="viridis",
@@ -98,11 +109,9 @@ def illuminance_plans(grids: Sequence[GridResult], path: str | Path, *, syntheti
             )
             if min(value.shape) > 1 and levels:
                 shown = np.where(value > 0, value, np.nan)
-                lines = panel.contour(
-                    grid.along_m, grid.across_m, shown, levels=levels, colors="white", linewidths=0.7
-                )
+                middles = (0.5 * (a[1:] + a[:-1]) for a in (x, y))
+                lines = panel.contour(*middles, shown, levels=levels, colors="white", linewidths=0.7)
                 panel.clabel(lines, fontsize=5.5, fmt=lambda v: f"{v:,.4g}")
-            set_plan(panel, grid)
             if k:
                 panel.set_ylabel("")
             told = f"mean {grid.mean_lx:,.3g} lx, least {grid.min_lx:,.3g} lx"

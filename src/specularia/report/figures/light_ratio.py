@@ -99,9 +99,8 @@ def illuminance_ratios(grids: Sequence[GridResult], path: str | Path, *, synthet
             panel = axes[k]
             style.hatch(panel)
             picture = panel.pcolormesh(
-                edges(first.along_m), edges(first.across_m), ratio, norm=norm, cmap=_map(), rasterized=True
+                *set_plan(panel, first), ratio, norm=norm, cmap=_map(), rasterized=True
             )
-            set_plan(panel, first)
             if k:
                 panel.set_ylabel("")
             panel.set_title(_title(k, grid.model, first.model))
