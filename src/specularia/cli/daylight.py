@@ -42,7 +42,7 @@ def run(
             seed=seed,
             quality=daylight.FULL if full else None,
         )
-        figures = _maps(lit, output)
+        figures, ratios, plans = _figures(lit, output)
         result = {
             "points": [
                 {
@@ -53,6 +53,7 @@ def run(
                     "interval_lx": p.interval_lx,
                     "direct_lx": p.direct_lx,
                     "indirect_lx": p.indirect_lx,
+                    "daylight_factor_percent": p.daylight_factor_percent,
                 }
                 for p in lit.points
             ],
@@ -80,17 +81,25 @@ def run(
                 for p in lit.panes
             ],
             "intervals": lit.intervals,
+            "grids": [_grid(g, output, plans) for g in lit.grids],
+            "glare": [
+                {
+                    "view": g.view,
+                    "model": g.model,
+                    "dgp": g.dgp,
+                    "vertical_illuminance_lx": g.vertical_illuminance_lx,
+                    "sensor_illuminance_lx": g.sensor_illuminance_lx,
+                    "sources": g.sources,
+                    "source_luminance_cd_m2": g.source_luminance_cd_m2,
+                    "source_sr": g.source_sr,
+                }
+                for g in lit.glare
+            ],
+            "ratios": ratios,
+            "no_daylight_factor": lit.no_daylight_factor or None,
         }
         write_json(output / "daylight.json", {**result, "provenance": lit.provenance})
-        lines = table(
-            ["point", "model", "illuminance lx", "se", "95 % from", "to"],
-            [[p.name, p.model, p.illuminance_lx, p.se, *(p.interval_lx or (None, None))] for p in lit.points],
-        )
-        lines += table(
-            ["window", "model", "seen", "luminance cd/m2"],
-            [[p.window, p.model, p.view, p.luminance_cd_m2] for p in lit.panes],
-        )
-        emit(result, as_json=as_json, lines=[*lines, f"written to {output.resolve()}"])
+        emit(result, as_json=as_json, lines=[*_told(lit), f"written to {output.resolve()}"])
 
 
 @app.command()
@@ -229,17 +238,174 @@ def _named_files(options: list[str]) -> dict[str, Path]:
     return models
 
 
-def _maps(lit: Any, folder: Path) -> dict[str, Path]:
-    """One luminance map per view, with all models on one scale."""
-    from specularia.daylight import file_name
-    from specularia.report.figures import luminance_maps
-
-    return {
-        view: luminance_maps(
-            [i for i in lit.images if i.name == view],
-            folder / f"luminance_{file_name(view)}.png",
-            points=lit.points,
-            synthetic="synthetic" in lit.provenance,
+def _told(lit: Any) -> list[str]:
+    """Tables for a person to read."""
+    factor = not lit.no_daylight_factor
+    lines = table(
+        ["point", "model", "illuminance lx", "se", *(["daylight factor %"] if factor else [])],
+        [
+            [p.name, p.model, p.illuminance_lx, p.se, *([p.daylight_factor_percent] if factor else [])]
+            for p in lit.points
+        ],
+    )
+    if lit.grids:
+        lines += table(
+            [
+                "grid",
+                "model",
+                "mean lx",
+                "least lx",
+                "uniformity",
+                *(["mean daylight factor %"] if factor else []),
+            ],
+            [
+                [g.name, g.model, g.mean_lx, g.min_lx, g.uniformity, *([_mean_factor(g)] if factor else [])]
+                for g in lit.grids
+            ],
         )
-        for view in dict.fromkeys(i.name for i in lit.images)
+    if not factor and (lit.points or lit.grids):
+        lines.append(f"no daylight factor: {lit.no_daylight_factor}")
+    lines += table(
+        ["window", "model", "seen", "luminance cd/m2"],
+        [[p.window, p.model, p.view, p.luminance_cd_m2] for p in lit.panes],
+    )
+    if lit.glare:
+        lines += table(
+            ["view", "model", "DGP", "E at the eye lx", "sources"],
+            [[g.view, g.model, g.dgp, g.vertical_illuminance_lx, g.sources] for g in lit.glare],
+        )
+    return lines
+
+
+def _mean_factor(grid: Any) -> float | None:
+    values = grid.daylight_factor_percent
+    return None if values is None else float(values.mean())
+
+
+def _grid(grid: Any, folder: Path, plans: dict[str, Path]) -> dict[str, Any]:
+    """A grid for the JSON; its arrays lie in an NPZ as well."""
+    from specularia.daylight import file_name
+    from specularia.report import style
+
+    arrays = {
+        "along_m": grid.along_m,
+        "across_m": grid.across_m,
+        "points_m": grid.points_m,
+        "normal": grid.normal,
+        "illuminance_lx": grid.illuminance_lx,
+        "se": grid.se,
+        "direct_lx": grid.direct_lx,
+        "indirect_lx": grid.indirect_lx,
     }
+    if grid.daylight_factor_percent is not None:
+        arrays["daylight_factor_percent"] = grid.daylight_factor_percent
+    npz = style.write_npz(folder / f"{file_name(f'{grid.model}_{grid.name}')}_grid.npz", arrays)
+    return {
+        "name": grid.name,
+        "model": grid.model,
+        "mean_lx": grid.mean_lx,
+        "min_lx": grid.min_lx,
+        "uniformity": grid.uniformity,
+        "mean_daylight_factor_percent": _mean_factor(grid),
+        "npz": npz.resolve(),
+        "figure": plans[grid.name].resolve(),
+        **{key: value.tolist() for key, value in arrays.items() if key != "points_m"},
+    }
+
+
+def _figures(lit: Any, folder: Path) -> tuple[dict[str, Path], list[dict[str, Any]], dict[str, Path]]:
+    """Luminance maps by view, ratios of models, plans by grid; all models of a figure share one scale."""
+    from specularia.daylight import file_name
+    from specularia.report import figures
+
+    synthetic = "synthetic" in lit.provenance
+    maps, plans, ratios = {}, {}, []
+    for view in dict.fromkeys(i.name for i in lit.images):
+        images = [i for i in lit.images if i.name == view]
+        maps[view] = figures.luminance_maps(
+            images, folder / f"luminance_{file_name(view)}.png", points=lit.points, synthetic=synthetic
+        )
+        if len(images) > 1:
+            path = folder / f"luminance_ratio_{file_name(view)}.png"
+            figure = figures.luminance_ratios(images, path, synthetic=synthetic).resolve()
+            ratios += [
+                {"view": view, "models": [images[0].model, i.model], "figure": figure} for i in images[1:]
+            ]
+    for name in dict.fromkeys(g.name for g in lit.grids):
+        grids = [g for g in lit.grids if g.name == name]
+        plans[name] = figures.illuminance_plans(
+            grids, folder / f"illuminance_{file_name(name)}.png", synthetic=synthetic
+        )
+        if len(grids) > 1:
+            path = folder / f"illuminance_ratio_{file_name(name)}.png"
+            figure = figures.illuminance_ratios(grids, path, synthetic=synthetic).resolve()
+            ratios += [
+                {"grid": name, "models": [grids[0].model, g.model], "figure": figure} for g in grids[1:]
+            ]
+    return maps, ratios, plans
+
+
+@app.command()
+def fragment(
+    job: Annotated[Path, typer.Argument(help="FRAGMENT.toml: the sample, the printed sheet, the light.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for pictures and results.")],
+    model: Annotated[
+        list[str] | None,
+        typer.Option("--model", help="NAME=FILE, a model (.nc or .xml); repeat it to compare models."),
+    ] = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Look at the sample over a printed sheet through each model: pictures, contrast over the gap."""
+    models = _named_files(model or [])
+    with session(quiet=quiet):
+        from specularia import daylight
+        from specularia.files import make_folder, write_json
+        from specularia.report import figures
+
+        seen = daylight.look_through(job, models=models)
+        make_folder(output)
+        synthetic = "synthetic" in seen.provenance
+        pictures = figures.fragment_pictures(
+            seen.pictures, output / "fragment.png", invented=seen.synthetic_outline, synthetic=synthetic
+        )
+        curves = figures.contrast_over_gap(
+            seen.contrast,
+            output / "contrast.png",
+            stroke_mm=seen.job.sheet.stroke_mm,
+            synthetic=synthetic,
+        )
+        result = {
+            "pictures": [
+                {
+                    "model": p.model,
+                    "gap_mm": p.gap_mm,
+                    "mean_cd_m2": float((p.luminance * p.covered).sum() / p.covered.sum()),
+                }
+                for p in seen.pictures
+            ],
+            "contrast": [
+                {
+                    "model": c.model,
+                    "gap_mm": c.gap_mm.tolist(),
+                    "contrast": c.contrast.tolist(),
+                    "transmitted": c.transmitted.tolist(),
+                    "bare": c.bare,
+                    "reflects": c.reflects,
+                }
+                for c in seen.contrast
+            ],
+            "outline": "synthetic" if seen.synthetic_outline else "given",
+            "figures": {"pictures": pictures.resolve(), "contrast": curves.resolve()},
+        }
+        write_json(output / "fragment.json", {**result, "provenance": seen.provenance})
+        lines = table(
+            ["model", "gap mm", "contrast"],
+            [[c.model, gap, c.at(gap)] for c in seen.contrast for gap in seen.job.gap_mm],
+        )
+        lines += [
+            f"{c.model}: no reflection in the model, so none in the pictures"
+            for c in seen.contrast
+            if not c.reflects
+        ]
+        emit(result, as_json=as_json, lines=[*lines, f"written to {output.resolve()}"])

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specularia.bsdf import ScatteringModel
-from specularia.daylight.geometry import ROOM, Box, pane_axes
+from specularia.daylight.geometry import ROOM, Box
+from specularia.daylight.grids import check_grids
 from specularia.daylight.job import RoomJob
 from specularia.daylight.outdoors import sun_direction
 from specularia.daylight.own_geometry import OwnRoom
@@ -29,6 +30,15 @@ def room_of(job: RoomJob, file: Path) -> Box | OwnRoom:
     if job.geometry is not None:
         own = OwnRoom(job, file)
         check_sun(own, file)
+        needs_box = [f"view {v.name!r}, a plan," for v in job.view if v.position_m is None]
+        needs_box += [f"grid {g.name!r} by face or height" for g in job.grid if g.origin_m is None]
+        if needs_box:
+            raise FormatError(
+                file=file,
+                expected="views and grids placed by coordinates in a room from files",
+                found=f"{needs_box[0]} that needs a box",
+                advice="Give a grid origin_m, along_m and across_m; for a plan look from above.",
+            )
         return own
     box = Box(job)
     check_room(box, file)
@@ -41,7 +51,10 @@ def check_room(box: Box, file: Path) -> None:
     check_sun(box, file)
     for sensor in box.job.sensor:
         _check_sensor(box, sensor.name, np.array(sensor.position_m), np.array(sensor.normal), file)
+    check_grids(box, file)
     for view in box.job.view:
+        if view.position_m is None:
+            continue
         at = np.array([view.position_m])
         if box.spaces(at)[0] < ROOM or box.distance(at)[0] < 0.01:
             raise FormatError(
@@ -87,9 +100,13 @@ def check_sun(box: Box | OwnRoom, file: Path) -> None:
             advice="Leave the table [sun] out for a room without sun.",
         )
     sun = sun_direction(box.job)
-    turned = [p.name for p in box.panes if float(p.axes[2] @ sun) <= 0.0]
-    windows = [w.name for w in box.job.window if float(pane_axes(w.wall)[2] @ sun) <= 0.0]
-    behind, total = (windows, len(box.job.window)) if box.job.window else (turned, len(box.panes))
+    # All panes of a window look the same way; those of a room from files are asked one by one.
+    names = {p.window if box.job.window else k: p for k, p in enumerate(box.panes)}
+    turned = {k: float(p.axes[2] @ sun) <= 0.0 for k, p in names.items()}
+    behind = [
+        box.job.window[k].name if box.job.window else names[k].name for k, away in turned.items() if away
+    ]
+    total = len(turned)
     if behind and box.job.sun_shines:
         warnings.warn(
             f"the sun stands behind the wall of {len(behind)} of {total} windows "

@@ -48,6 +48,11 @@ floor, inside. A room for the south window of a house, complete::
     position_m = [2.5, 0.5, 0.0]
     normal = [0, 0, 1]
 
+    [[grid]]
+    name = "working plane"
+    height_m = 0.8
+    spacing_m = 0.5
+
     [[view]]
     name = "towards the window"
     position_m = [2.5, 5.5, 1.6]
@@ -110,6 +115,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field, field_validator, model_validator
 
+from specularia.daylight._fields import Metres, Name, Share, Vector, Wall, unit
+from specularia.daylight.views import Grid, View
 from specularia.daylight.when import Day, Place, Time, WeatherFile
 from specularia.jobs import FilePath, Job
 
@@ -117,6 +124,7 @@ __all__ = [
     "WALLS",
     "Geometry",
     "Glass",
+    "Grid",
     "Ground",
     "ModelFile",
     "Obstacle",
@@ -132,13 +140,7 @@ __all__ = [
     "Window",
 ]
 
-Wall = Literal["south", "north", "west", "east"]
 WALLS: tuple[Wall, ...] = ("south", "north", "west", "east")
-
-Share = Annotated[float, Field(ge=0.0, lt=1.0)]
-Metres = Annotated[float, Field(gt=0.0, le=1000.0)]
-Name = Annotated[str, Field(min_length=1, max_length=80)]
-Vector = tuple[float, float, float]
 
 
 def _three(value: Any) -> Any:
@@ -148,14 +150,6 @@ def _three(value: Any) -> Any:
 Angle = Annotated[float, Field(ge=0.0, le=80.0)]
 Splay = Annotated[tuple[Angle, Angle, Angle], BeforeValidator(_three)]
 """Of jambs, sill and head, in degrees."""
-
-
-def _unit(value: Vector) -> Vector:
-    length = float(np.linalg.norm(value))
-    if not np.isfinite(length) or length < 1e-9:
-        raise ValueError("a direction, three numbers that are not all zero")
-    x, y, z = (float(v) / length for v in value)
-    return x, y, z
 
 
 class RoomSize(Job):
@@ -344,29 +338,7 @@ class Sensor(Job):
     normal: Vector = (0.0, 0.0, 1.0)
     """Of the lit side; any length."""
 
-    _unit = field_validator("normal")(_unit)
-
-
-class View(Job):
-    """[[view]]: a perspective picture."""
-
-    name: Name = "view"
-    position_m: Vector
-    direction: Vector
-    """Where the eye looks; any length."""
-    up: Vector = (0.0, 0.0, 1.0)
-    horizontal_deg: Annotated[float, Field(gt=1.0, lt=170.0)] = 60.0
-    """Full horizontal angle; the vertical one follows from square pixels."""
-    size_px: tuple[Annotated[int, Field(ge=8, le=4096)], Annotated[int, Field(ge=8, le=4096)]] = (240, 180)
-    """Columns, rows."""
-
-    _unit = field_validator("direction", "up")(_unit)
-
-    @model_validator(mode="after")
-    def _up_is_up(self) -> View:
-        if np.linalg.norm(np.cross(self.direction, self.up)) < 1e-3:
-            raise ValueError("an up that is not along direction")
-        return self
+    _unit = field_validator("normal")(unit)
 
 
 class ModelFile(Job):
@@ -431,6 +403,7 @@ class RoomJob(Job):
     sky: Sky = Sky()
     ground: Ground = Ground()
     sensor: tuple[Sensor, ...] = ()
+    grid: tuple[Grid, ...] = ()
     view: tuple[View, ...] = ()
     obstacle: tuple[Obstacle, ...] = ()
     glass: tuple[Glass, ...] = ()
@@ -471,7 +444,7 @@ class RoomJob(Job):
 
     @model_validator(mode="after")
     def _names_differ(self) -> RoomJob:
-        for kind in ("window", "sensor", "view", "obstacle", "glass", "model"):
+        for kind in ("window", "sensor", "grid", "view", "obstacle", "glass", "model"):
             names = [item.name for item in getattr(self, kind)]
             twice = sorted({n for n in names if names.count(n) > 1})
             if twice:

@@ -15,17 +15,20 @@ from scipy.special import ndtri
 from specularia.bsdf import ScatteringModel
 from specularia.daylight.ambient import Ambient
 from specularia.daylight.beam import beam_illuminance
+from specularia.daylight.camera import Camera
 from specularia.daylight.checks import check_models, room_of
 from specularia.daylight.geometry import Box
+from specularia.daylight.glare import glare_at
+from specularia.daylight.grids import grid_sensors, reference_illuminance, split
 from specularia.daylight.interreflection import Interreflection, Mesh, mesh, reflectances
-from specularia.daylight.job import Quality, RoomJob, View
+from specularia.daylight.job import Quality, RoomJob, Sensor, View
 from specularia.daylight.moment import at
 from specularia.daylight.outdoors import Outdoors, incident_illuminance, outdoors
 from specularia.daylight.own_geometry import OwnRoom
 from specularia.daylight.panes import Glazing, Lights, lights
-from specularia.daylight.picture import IndirectField, project, render, write_hdr
+from specularia.daylight.picture import IndirectField, render, write_hdr
 from specularia.daylight.references import reference
-from specularia.daylight.results import DaylightResult, Image, PaneLuminance, Point
+from specularia.daylight.results import DaylightResult, Glare, GridResult, Image, PaneLuminance, Point
 from specularia.daylight.scene import Scene
 from specularia.daylight.uncertainty import LEVEL, relative_error, spread_interval
 from specularia.errors import FormatError
@@ -110,6 +113,8 @@ def run(
     points: list[Point] = []
     images: list[Image] = []
     panes: list[PaneLuminance] = []
+    grids: list[GridResult] = []
+    glare: list[Glare] = []
     intervals: dict[str, str] = {}
     sampling = job.quality.sampling
     members = {m.name: [Glazing.of(f) for f in m.members] for m in job.model if m.members}
@@ -141,6 +146,8 @@ def run(
                     field = _field(light[0], 0.3 / np.sqrt(sampling))
                     for view in job.view:
                         images.append(_image(name, view, scene, field, folder, provenance))
+                        if view.wants_glare:
+                            glare.append(glare_at(images[-1], scene, light[0], fineness=_FINE))
                         progress.advance()
             panes += _panes(name, box, emitted, out)
             others = []
@@ -152,9 +159,18 @@ def run(
                     others.append(_levels(scene, _interreflection(scene, meshes[0]), seed))
                 progress.advance()
             with_them, intervals[name] = _intervals(found, relative_error(box, each, emitted), others)
-            points += with_them
+            named, surveyed = split(with_them, model=name, box=box, out=out)
+            points += named
+            grids += surveyed
     return DaylightResult(
-        points=points, images=images, panes=panes, provenance=provenance, intervals=intervals
+        points=points,
+        images=images,
+        panes=panes,
+        grids=grids,
+        glare=glare,
+        no_daylight_factor=reference_illuminance(out)[1],
+        provenance=provenance,
+        intervals=intervals,
     )
 
 
@@ -190,8 +206,13 @@ def _interreflection(scene: Scene, m: Mesh | None) -> Interreflection | Ambient:
     return Interreflection(m, direct.reshape(m.points.shape[:2]), rho, scene.lights.flux)
 
 
+def _at_sensors(box: Box | OwnRoom) -> list[Sensor]:
+    """Named sensors, then the points of grids."""
+    return [*box.job.sensor, *grid_sensors(box)]
+
+
 def _sensors(box: Box | OwnRoom) -> tuple[Array, Array]:
-    sensors = box.job.sensor
+    sensors = _at_sensors(box)
     return box.lifted(np.array([s.position_m for s in sensors])), np.array([s.normal for s in sensors])
 
 
@@ -209,7 +230,7 @@ def _shifts(scene: Scene, seed: int) -> Array:
 
 def _levels(scene: Scene, light: Interreflection | Ambient, seed: int) -> Array:
     """[K] lx at the sensors."""
-    if not scene.box.job.sensor:
+    if not _at_sensors(scene.box):
         return np.zeros(0)
     at, normals = _sensors(scene.box)
     first = np.mean([_direct(scene, shift, _FINE) for shift in _shifts(scene, seed)], axis=0)
@@ -220,13 +241,13 @@ def _levels(scene: Scene, light: Interreflection | Ambient, seed: int) -> Array:
 def _points(
     name: str, scene: Scene, control: Scene, light: Sequence[Interreflection | Ambient], seed: int
 ) -> list[Point]:
-    """Illuminance at the sensors.
+    """Illuminance at the sensors, then at the points of grids.
 
     The standard error joins three parts: the spread over differently cut panes; a third of the change when
     emission map and points on the panes are half as dense (both errors fall with the square of the density);
     and the change of the reflected light when the mesh of the walls is coarser by half.
     """
-    if not scene.box.job.sensor:
+    if not _at_sensors(scene.box):
         return []
     at, normals = _sensors(scene.box)
     shifts = _shifts(scene, seed)
@@ -238,7 +259,7 @@ def _points(
     se = np.sqrt(spread**2 + resolution**2 + (fine - coarse) ** 2)
     return [
         Point(s.name, name, float(d + i), float(e), float(d), float(i))
-        for s, d, i, e in zip(scene.box.job.sensor, first, fine, se)
+        for s, d, i, e in zip(_at_sensors(scene.box), first, fine, se)
     ]
 
 
@@ -258,23 +279,25 @@ def _image(
     # Radiance divides a source into 64 parts at most: larger pieces would show the needle of light that
     # smooth patches of the glass let through as a row of separate images.
     octree = scene.octree("picture", cell=0.05 if scene.box.has_niches else 0.1)
-    luminance = render(view, scene=scene, octree=octree, field=field, fineness=1.0 / scene.sampling)
+    camera = Camera.of(view, scene.box.size)
+    luminance = render(camera, scene=scene, octree=octree, field=field, fineness=1.0 / scene.sampling)
     stem = file_name(f"{name}_{view.name}")
-    hdr = write_hdr(folder / f"{stem}.hdr", luminance, view, what=f"specularia daylight, model {name}")
+    hdr = write_hdr(folder / f"{stem}.hdr", luminance, camera, what=f"specularia daylight, model {name}")
     with atomic(folder / f"{stem}.npz") as temporary:
         arrays: dict[str, Any] = {"luminance": luminance.astype(np.float32), "units": "cd/m2", **provenance}
         np.savez_compressed(temporary, **arrays)
-    return Image(name, view.name, hdr, folder / f"{stem}.npz", luminance, view, _pixels(scene.box.job, view))
+    pixels = _pixels(scene.box.job, camera)
+    return Image(name, view.name, hdr, folder / f"{stem}.npz", luminance, view, pixels)
 
 
-def _pixels(job: RoomJob, view: View) -> dict[str, tuple[float, float]]:
+def _pixels(job: RoomJob, camera: Camera) -> dict[str, tuple[float, float]]:
     """Picture positions of sensors whose lit side faces the eye."""
     sensors = job.sensor
     if not sensors:
         return {}
     at = np.array([s.position_m for s in sensors])
-    facing = np.sum((np.array(view.position_m) - at) * np.array([s.normal for s in sensors]), axis=1) > 0
-    found = project(view, at)
+    facing = np.sum(camera.towards_eye(at) * np.array([s.normal for s in sensors]), axis=1) > 0
+    found = camera.project(at)
     return {
         s.name: (float(c), float(r)) for s, (c, r), f in zip(sensors, found, facing) if f and np.isfinite(c)
     }
@@ -288,7 +311,8 @@ def _panes(name: str, box: Box | OwnRoom, emitted: Lights, out: Outdoors) -> lis
         area = np.array([light.rectangle.area for light in parts])
         exitance = float(emitted.sunlit[index] + emitted.skylit[index]) / pane.glass.area
         eyes = [("normal", -pane.axes[2])]
-        eyes += [(v.name, np.array(v.position_m) - pane.centre) for v in box.job.view]
+        placed = [v for v in box.job.view if v.position_m is not None]
+        eyes += [(v.name, np.array(v.position_m) - pane.centre) for v in placed]
         for eye, direction in eyes:
             local = pane.axes @ (direction / np.linalg.norm(direction))
             seen = [float(emitted.maps[p.map].towards(local[0], local[1])) for p in parts]

@@ -60,6 +60,7 @@ class OwnRoom:
     polygons : ([K, 3] corners, reflectance) of everything opaque.
     panes : in the order of the files; their `face` is a rectangle of its own, turned into the room.
     faces : those faces, by the pane's name.
+    size : [3] largest coordinates of all corners, m.
     """
 
     has_niches = True
@@ -96,6 +97,8 @@ class OwnRoom:
         self.faces: dict[str, Face] = {}
         for corners, name in _rectangles(panes, source):
             self._add(corners, name)
+        ends = np.concatenate([p for p, _ in self.polygons]) if self.polygons else np.zeros((1, 3))
+        self.size: Array = ends.max(axis=0)
         self._check()
 
     def _add(self, corners: Array, name: str) -> None:

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from specularia.daylight.job import View
+from specularia.daylight.views import View
 
-__all__ = ["DaylightResult", "Image", "PaneLuminance", "Point"]
+__all__ = ["DaylightResult", "Glare", "GridResult", "Image", "PaneLuminance", "Point"]
 
 
 @dataclass(frozen=True)
@@ -26,6 +26,8 @@ class Point:
     direct_lx, indirect_lx : the two shares.
     interval_lx : where the illuminance lies with a probability of 95 % by the model's own uncertainty and
         `se`, see `uncertainty`; None where the model states none (`DaylightResult.intervals` says so).
+    daylight_factor_percent : 100 times the illuminance over that of the overcast sky on the ground outside;
+        None under any other sky (see `DaylightResult.no_daylight_factor`).
     """
 
     name: str
@@ -35,6 +37,75 @@ class Point:
     direct_lx: float
     indirect_lx: float
     interval_lx: tuple[float, float] | None = None
+    daylight_factor_percent: float | None = None
+
+
+@dataclass(frozen=True)
+class GridResult:
+    """Illuminance at the points of a grid.
+
+    Attributes
+    ----------
+    name, model : of the grid and of the scattering model.
+    along_m, across_m : [columns], [rows] places of the points along the two edges, from the grid's corner
+        (from south and west for a horizontal plane).
+    points_m : [rows, columns, 3] in the room.
+    normal : [3] of the lit side.
+    illuminance_lx, se, direct_lx, indirect_lx : [rows, columns], as in `Point`.
+    daylight_factor_percent : [rows, columns], or None as in `Point`.
+    """
+
+    name: str
+    model: str
+    along_m: NDArray[np.float64]
+    across_m: NDArray[np.float64]
+    points_m: NDArray[np.float64]
+    normal: NDArray[np.float64]
+    illuminance_lx: NDArray[np.float64]
+    se: NDArray[np.float64]
+    direct_lx: NDArray[np.float64]
+    indirect_lx: NDArray[np.float64]
+    daylight_factor_percent: NDArray[np.float64] | None
+
+    @property
+    def mean_lx(self) -> float:
+        """Mean over the points; the cells are equal."""
+        return float(self.illuminance_lx.mean())
+
+    @property
+    def min_lx(self) -> float:
+        """Least of the points."""
+        return float(self.illuminance_lx.min())
+
+    @property
+    def uniformity(self) -> float | None:
+        """Least over mean (EN 12464-1); None where it is dark."""
+        return self.min_lx / self.mean_lx if self.mean_lx > 0.0 else None
+
+
+@dataclass(frozen=True)
+class Glare:
+    """Discomfort glare by daylight at the eye of a fisheye view.
+
+    Attributes
+    ----------
+    view, model : names.
+    dgp : daylight glare probability by evalglare, 0 to 1.
+    vertical_illuminance_lx : at the eye, from the picture, by evalglare.
+    sensor_illuminance_lx : at the same place as at any sensor, not from the picture.
+    sources : glare sources that evalglare found.
+    source_luminance_cd_m2 : their mean, weighted by solid angle; None without sources.
+    source_sr : their solid angles together.
+    """
+
+    view: str
+    model: str
+    dgp: float
+    vertical_illuminance_lx: float
+    sensor_illuminance_lx: float
+    sources: int
+    source_luminance_cd_m2: float | None
+    source_sr: float
 
 
 @dataclass(frozen=True)
@@ -46,7 +117,7 @@ class Image:
     model, name : of the scattering model and of the view.
     hdr : Radiance picture; luminance is 179 times its green channel.
     npz : the same as arrays: `luminance` [rows, columns] in cd/m2, row 0 at the top.
-    luminance : that array.
+    luminance : that array; 0 outside the circle of a fisheye.
     view : what it was taken with.
     pixels : of every sensor that is in view: columns, rows counted from the upper left corner of the picture,
         pixel centres at halves; for labels.
@@ -94,6 +165,9 @@ class DaylightResult:
     points : sensors, for each model in turn.
     images : views, for each model in turn.
     panes : windows and views, for each model in turn.
+    grids : grids, for each model in turn.
+    glare : fisheye views, for each model in turn.
+    no_daylight_factor : why points and grids have no daylight factor; empty where they have one.
     provenance : inputs, parameters, seed and versions.
     intervals : by model, what the intervals of its points rest on, or why there are none.
     """
@@ -101,5 +175,8 @@ class DaylightResult:
     points: list[Point]
     images: list[Image]
     panes: list[PaneLuminance]
+    grids: list[GridResult]
+    glare: list[Glare]
+    no_daylight_factor: str
     provenance: dict[str, str]
     intervals: dict[str, str] = field(default_factory=dict)

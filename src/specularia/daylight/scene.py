@@ -105,12 +105,26 @@ class Scene:
         command = ["rtrace", "-h", "-ff", "-ovp", *self._options(fineness), octree]
         out = np.frombuffer(run(command, data=data, cwd=self.folder), "<f4").reshape(-1, 6).astype(float)
         points = out[:, 3:]
-        off = np.zeros(1) if isinstance(self.box, OwnRoom) else self.box.distance(points) > 1e-3
+        self._check_closed(points)
+        return out[:, 1] * LUMINOUS_EFFICACY, points
+
+    def hits(self, octree: str, origins: Array, directions: Array) -> Array:
+        """[K, 3] points that rays meet, without any light: rtrace casts them only."""
+        data = np.hstack([origins, directions]).astype("<f4").tobytes()
+        out = run(["rtrace", "-h", "-ff", "-op", octree], data=data, cwd=self.folder)
+        points = np.frombuffer(out, "<f4").reshape(-1, 3).astype(float)
+        self._check_closed(points)
+        return points
+
+    def _check_closed(self, points: Array) -> None:
+        """Refuse view rays that left the box. A room from files may have openings."""
+        if isinstance(self.box, OwnRoom):
+            return
+        off = self.box.distance(points) > 1e-3
         if off.any():
             raise PhysicsError(
                 f"{off.sum()} of {off.size} view rays ended in no face of the room; it is not closed."
             )
-        return out[:, 1] * LUMINOUS_EFFICACY, points
 
     def _options(self, fineness: float) -> list[str]:
         # The lower limit bounds the time for panes that are nearly clear.

@@ -7,7 +7,10 @@ from specularia.report.figures.cutoff import cutoff
 from specularia.report.figures.day import day_curves
 from specularia.report.figures.distribution import dsf, measured_dsf, ratio_map
 from specularia.report.figures.finds import finds_by_colour, finds_on_plan
+from specularia.report.figures.fragment import contrast_over_gap, fragment_pictures
 from specularia.report.figures.healing import healed
+from specularia.report.figures.illuminance import illuminance_plans
+from specularia.report.figures.light_ratio import illuminance_ratios, luminance_ratios
 from specularia.report.figures.luminance import luminance_maps
 from specularia.report.figures.perspective import relief
 from specularia.report.figures.surfaces import height_maps, micrographs
@@ -15,15 +18,20 @@ from specularia.report.figures.texture import abbott_curve, directions, power_sp
 
 __all__ = [
     "abbott_curve",
+    "contrast_over_gap",
     "cutoff",
     "day_curves",
     "directions",
     "dsf",
     "finds_by_colour",
     "finds_on_plan",
+    "fragment_pictures",
     "healed",
     "height_maps",
+    "illuminance_plans",
+    "illuminance_ratios",
     "luminance_maps",
+    "luminance_ratios",
     "measured_dsf",
     "micrographs",
     "power_spectra",

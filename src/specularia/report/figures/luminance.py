@@ -57,7 +57,7 @@ def luminance_maps(
     -------
     path of the PNG.
     """
-    maps = [np.asarray(i.luminance, float) for i in images]
+    maps = [_seen(i) for i in images]
     low, high = limits_cd_m2 if limits_cd_m2 is not None else _limits(maps)
     norm = LogNorm(low, high)
     levels = [
@@ -72,13 +72,14 @@ def luminance_maps(
         axes = figure.subplots(1, len(images), squeeze=False)[0]
         for k, (image, values) in enumerate(zip(images, maps)):
             panel = axes[k]
+            round_ = _kind(image) == "fisheye"
             picture = panel.imshow(
                 values,
-                cmap=mpl.colormaps["inferno"].with_extremes(bad=style.NO_DATA),
+                cmap=mpl.colormaps["inferno"].with_extremes(bad="white" if round_ else style.NO_DATA),
                 norm=norm,
                 origin="upper",
             )
-            shown = np.where(values > 0, values, np.nan)
+            shown = np.where(np.nan_to_num(values) > 0, values, np.nan)
             lines = panel.contour(shown, levels=levels, colors="white", linewidths=0.45, alpha=0.75)
             _label(panel, lines, shown, [image.pixels[p.name] for p in points if p.name in image.pixels])
             panel.set_title(f"{style.letter(k)}  {style.model_name(image.model)}")
@@ -86,7 +87,9 @@ def luminance_maps(
                 xticks=[], yticks=[], xlim=(-0.5, values.shape[1] - 0.5), ylim=(values.shape[0] - 0.5, -0.5)
             )
             for spine in panel.spines.values():
-                spine.set_visible(True)
+                spine.set_visible(not round_)
+            if _kind(image) == "plan":
+                _north(panel)
             below = []
             for point in (p for p in points if p.model == image.model):
                 if point.name not in image.pixels:
@@ -140,6 +143,34 @@ def luminance_maps(
             }
         style.write_npz(Path(path).with_suffix(".npz"), numbers)
         return style.save(figure, path, synthetic=synthetic)
+
+
+def _kind(image: Image) -> str:
+    """perspective, fisheye or plan; perspective for records without a view."""
+    return str(getattr(getattr(image, "view", None), "kind", "perspective"))
+
+
+def _seen(image: Image) -> Array:
+    """Luminance, NaN outside the circle of a fisheye."""
+    values = np.asarray(image.luminance, float)
+    return np.where(values > 0, values, np.nan) if _kind(image) == "fisheye" else values
+
+
+def _north(panel: Axes) -> None:
+    """A small arrow to the north, which is up in a plan."""
+    panel.annotate(
+        "N",
+        (0.05, 0.97),
+        xytext=(0.05, 0.87),
+        xycoords="axes fraction",
+        textcoords="axes fraction",
+        ha="center",
+        va="center",
+        fontsize=6.3,
+        color="white",
+        arrowprops={"arrowstyle": "-|>", "color": "white", "linewidth": 0.8, "shrinkA": 3, "shrinkB": 0},
+        path_effects=[patheffects.withStroke(linewidth=1.4, foreground="black")],
+    )
 
 
 def _label(panel: Axes, lines: Any, luminance: Array, taken: Sequence[tuple[float, float]]) -> None:
