@@ -284,3 +284,15 @@ def test_the_command_writes_pictures_contrast_and_one_json(tmp_path: Path, comma
     numbers = np.load(out / "fragment.npz")
     assert numbers["luminance_0"].shape == numbers["luminance_3"].shape and str(numbers["model_3"]) == "B"
     assert (out / "fragment.json").is_file() and (out / "contrast.csv").is_file()
+
+
+def test_the_example_in_the_documentation_of_the_job_is_a_fragment_and_so_is_an_empty_file() -> None:
+    import textwrap
+    import tomllib
+
+    from specularia.daylight import fragment_job
+
+    assert fragment_job.__doc__ is not None
+    example = tomllib.loads(textwrap.dedent(fragment_job.__doc__.split("::\n", 1)[1]))
+    assert FragmentJob.model_validate(example).gap_mm == (0.0, 5.0, 20.0)
+    assert FragmentJob.model_validate({}).sample.outline_mm is None

@@ -1,4 +1,4 @@
-"""A pane without any symmetry in a rendered room: right as it is, wrong in each of the four ways of turning it.
+"""A pane without any symmetry in a rendered room: right as it is, wrong in each of four ways of turning it.
 
 Truth is written in the room's coordinates: seen from outside a south window east is to the right, so that the
 sample's x is the room's x and its y the room's z.
@@ -7,6 +7,7 @@ sample's x is the room's x and its y the room's z.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -67,7 +68,7 @@ def seen_and_true(image: daylight.Image, value: Callable[..., Any]) -> tuple[np.
 
 
 class Crooked(Analytic):
-    """One lobe, off the undeflected direction by amounts that differ along x and y; the back by reciprocity."""
+    """One lobe, off the undeflected direction differently along x and y; the back by reciprocity."""
 
     def front(self, ix: Any, iy: Any, ux: Any, uy: Any) -> Any:
         r2 = (ux + 0.6 * ix - 0.25) ** 2 + (uy + 0.5 * iy - 0.3 * ix - 0.35) ** 2
@@ -183,7 +184,7 @@ def test_panes_in_pictures_from_five_directions_have_the_luminance_of_the_model_
     assert len(result.images) == 10
     for image in result.images:
         model = models[image.model]
-        seen, true = seen_and_true(image, lambda *a: model.value("transmission_front", *a))
+        seen, true = seen_and_true(image, partial(model.value, "transmission_front"))
         peak = LUX * -s[1] * model.value("", s[0], s[2], *middle)
         shown = true > 0.3 * peak
         assert shown.sum() >= 8
@@ -193,10 +194,3 @@ def test_panes_in_pictures_from_five_directions_have_the_luminance_of_the_model_
         o /= np.linalg.norm(o)
         towards = np.mean([LUX * -d[1] * model.value("", d[0], d[2], o[0], o[2]) for d in disc()])
         assert pane.luminance_cd_m2 == pytest.approx(towards, rel=0.005)
-        print(
-            image.model,
-            image.name,
-            shown.sum(),
-            np.max(np.abs(seen / true - 1)[shown]),
-            pane.luminance_cd_m2 / towards - 1,
-        )

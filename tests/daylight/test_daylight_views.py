@@ -285,8 +285,8 @@ def test_views_and_grids_that_cannot_be_are_refused(tmp_path: Path, more: str, s
 
 def test_a_fisheye_and_a_plan_have_sizes_of_their_own(tmp_path: Path) -> None:
     path = tmp_path / "ROOM.toml"
-    eye = '[[view]]\nname = "a"\nkind = "fisheye"\nposition_m = [1, 1, 1]\ndirection = [0, 1, 0]\nglare = false\n'
-    path.write_text(ROOM + eye + '[[view]]\nname = "b"\nkind = "plan"\n')
+    eye = '[[view]]\nname = "a"\nkind = "fisheye"\nposition_m = [1, 1, 1]\ndirection = [0, 1, 0]\n'
+    path.write_text(ROOM + eye + "glare = false\n" + '[[view]]\nname = "b"\nkind = "plan"\n')
     a, b = load_toml(path, daylight.RoomJob).view
     assert a.size_px == (400, 400) and not a.wants_glare
     assert Camera.of(b, np.array([4.0, 5.0, 2.8])).size_px == (192, 240)

@@ -3,6 +3,7 @@
 Lengths on the table in millimetres: x to the right, y up the page, z towards the eye. Complete::
 
     name = "a fragment over print"
+    gap_mm = [0, 5, 20]            # between sheet and underside
 
     [sample]
     thickness_mm = 3.0
@@ -19,8 +20,6 @@ Lengths on the table in millimetres: x to the right, y up the page, z towards th
     lamp_lx = 1500                 # square to the lamp
     lamp_elevation_deg = 45
     lamp_azimuth_deg = 135         # counter-clockwise from x
-
-    gap_mm = [0, 5, 20]            # above the [tables] in the file
 
     [[model]]                      # or --model M=model_m.nc on the command line
     name = "M"
