@@ -235,3 +235,59 @@ def test_a_figure_that_cannot_be_written_leaves_nothing(lobe, tmp_path):
 
 def test_panels_are_lettered_on_past_the_alphabet():
     assert [style.letter(k) for k in (0, 25, 26, 27)] == ["(a)", "(z)", "(aa)", "(ab)"]
+
+
+def test_ratios_of_luminances_are_written_and_left_out_where_both_are_dark(tmp_path):
+    first = np.full((40, 60), 100.0)
+    first[:5], first[5:10] = 1e-4, 0.0
+    second = 1.8 * first
+    images = [luminance_image("M", first), luminance_image("C", second)]
+    path = figures.luminance_ratios(images, tmp_path / "ratio.png")
+    numbers = np.load(path.with_suffix(".npz"))
+    ratio = numbers["ratio_0"]
+    assert np.isnan(ratio[:10]).all()
+    np.testing.assert_allclose(ratio[10:], 1.8, rtol=1e-6)
+    assert list(numbers["models_0"]) == ["M", "C"]
+    # Red, and as much so as 1.8 is on a scale that ends at 2.
+    picture = pixels_of(path)
+    red = (picture[..., 0] > 1.5 * picture[..., 1]) & (picture[..., 0] > 1.5 * picture[..., 2])
+    assert red.mean() > 0.2
+
+
+def test_outside_its_circle_a_fisheye_is_white(tmp_path):
+    y, x = np.mgrid[-1:1:80j, -1:1:80j]
+    values = np.where(x**2 + y**2 < 1, 50.0, 0.0)
+    image = luminance_image("M", values)
+    image.view = SimpleNamespace(kind="fisheye")
+    picture = pixels_of(figures.luminance_maps([image], tmp_path / "eye.png"))
+    rows, columns = picture.shape[:2]
+    assert (picture[int(0.13 * rows), int(0.03 * columns)] == 255).all()
+    assert (picture[rows // 2, int(0.35 * columns)] < 250).any()
+
+
+def grid_result(model: str, factor: float) -> SimpleNamespace:
+    along, across = np.array([0.5, 1.5, 2.5]), np.array([0.5, 1.5])
+    x, y = np.meshgrid(1.0 + along, 2.0 + across)
+    values = factor * np.array([[100.0, 300.0, 100.0], [50.0, 80.0, 50.0]])
+    return SimpleNamespace(
+        model=model,
+        name="g",
+        along_m=along,
+        across_m=across,
+        points_m=np.stack([x, y, 0.8 + 0 * x], axis=-1),
+        normal=np.array([0, 0, 1.0]),
+        illuminance_lx=values,
+        se=0.01 * values,
+        mean_lx=values.mean(),
+        min_lx=values.min(),
+        daylight_factor_percent=values / 100.0,
+    )
+
+
+def test_plans_and_ratios_of_illuminance_write_the_data(tmp_path):
+    grids = [grid_result("M", 1.0), grid_result("C", 1.25)]
+    plan = np.load(figures.illuminance_plans(grids, tmp_path / "plan.png").with_suffix(".npz"))
+    np.testing.assert_array_equal(plan["illuminance_lx_1"], grids[1].illuminance_lx)
+    np.testing.assert_array_equal(plan["daylight_factor_percent_0"], grids[0].daylight_factor_percent)
+    ratio = np.load(figures.illuminance_ratios(grids, tmp_path / "ratio.png").with_suffix(".npz"))
+    np.testing.assert_allclose(ratio["ratio_0"], 1.25)

@@ -108,6 +108,12 @@ class Scene:
             )
         return out[:, 1] * LUMINOUS_EFFICACY, points
 
+    def hits(self, octree: str, origins: Array, directions: Array) -> Array:
+        """[K, 3] points that rays meet, without any light: rtrace casts them only."""
+        data = np.hstack([origins, directions]).astype("<f4").tobytes()
+        out = run(["rtrace", "-h", "-ff", "-op", octree], data=data, cwd=self.folder)
+        return np.frombuffer(out, "<f4").reshape(-1, 3).astype(float)
+
     def _options(self, fineness: float) -> list[str]:
         # The lower limit bounds the time for panes that are nearly clear.
         spacing = min(max(np.radians(self.width_deg), 0.024) / (2.0 * fineness * self.sampling), 0.2)
