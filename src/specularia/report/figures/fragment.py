@@ -72,7 +72,7 @@ def fragment_pictures(
                 f"{style.letter(k)}  {style.model_name(picture.model)}, gap {picture.gap_mm:g} mm"
             )
         if invented:
-            figure.suptitle("outline invented", x=0.005, y=0.012, ha="left", va="bottom", fontsize=6.5)
+            figure.suptitle("synthetic outline", x=0.005, y=0.012, ha="left", va="bottom", fontsize=6.5)
         panel = axes[-1, 0]
         x0, y0 = left + 0.03 * (right - left), bottom + 0.045 * (upper - bottom)
         panel.fill_between(
