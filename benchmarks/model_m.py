@@ -51,6 +51,7 @@ PARTS = ("wide", "narrow", "pane", "narrow_pane", "twin", "azimuths", "noise", "
 CELL, FINE, BOX = 0.005, 0.002, 0.15
 PATHS = 1_000_000
 TRUE_PATHS = 2_000_000
+TWIN_TRUE_PATHS = 8_000_000  # subtracting noise in quadrature leaves some of it where cells differ
 APERTURE_DEG = 0.3
 _KEPT: list[Any] = []  # the library reads freed memory where its objects are let go
 
@@ -164,7 +165,7 @@ def of_formula(model: Formula, angles: Sequence[float], phi: float = 0.0) -> Kno
     return Known({t: model.tau(t, phi) for t in angles}, cells, model=model)
 
 
-def of_pane(slab: Any, angles: Sequence[float], seed: int) -> Known:
+def of_pane(slab: Any, angles: Sequence[float], seed: int, paths: int = TRUE_PATHS) -> Known:
     """The truth of a pane: paths counted on cells, with the noise that two halves of them tell.
 
     Where a cell holds few paths the difference of the halves is less than what their mean is off by: counts
@@ -184,10 +185,10 @@ def of_pane(slab: Any, angles: Sequence[float], seed: int) -> Known:
     for number, theta in enumerate(angles):
         halves, count = np.zeros((2, n * n)), np.zeros(n * n)
         for h in (0, 1):
-            p = trace_paths(slab, theta_deg=theta, paths=TRUE_PATHS, seed=seed + 2 * number + h)
+            p = trace_paths(slab, theta_deg=theta, paths=paths, seed=seed + 2 * number + h)
             out = p.transmitted
             place = np.floor((p.ux[out] + 1) / CELL) * n + np.floor((p.uy[out] + 1) / CELL)
-            halves[h] = np.bincount(place.astype(int), p.weight[out], n * n) / TRUE_PATHS
+            halves[h] = np.bincount(place.astype(int), p.weight[out], n * n) / paths
             count += np.bincount(place.astype(int), minlength=n * n)
         m = np.maximum(uniform_filter(count.reshape(n, n), 5).ravel(), 1e-6)
         whole = np.floor(m)
@@ -621,7 +622,7 @@ def rows(part: str, oracles: Path, data: Path, folder: Path) -> Iterator[Row]:
 
         made = twin.make(None, folder / "twin", seed=1)
         slab = read_slab(made.glass)
-        known = of_pane(slab, (*MEASURED, *INNER, *STEEP), seed=100)
+        known = of_pane(slab, (*MEASURED, *INNER, *STEEP), 100, TWIN_TRUE_PATHS)
         settings = twin.TwinSettings().gonio
         instrument_alone(slab, known, MEASURED, settings.aperture_deg, settings.paths)
         yield from standard(part, list(made.tables), known, folder)

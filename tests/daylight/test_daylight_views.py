@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -290,3 +291,32 @@ def test_a_fisheye_and_a_plan_have_sizes_of_their_own(tmp_path: Path) -> None:
     a, b = load_toml(path, daylight.RoomJob).view
     assert a.size_px == (400, 400) and not a.wants_glare
     assert Camera.of(b, np.array([4.0, 5.0, 2.8])).size_px == (192, 240)
+
+
+def test_the_command_gives_grids_glare_and_ratios_between_models(tmp_path: Path, command) -> None:  # type: ignore[no-untyped-def]
+    from test_daylight_room_file import tabulated
+
+    model = tabulated(tmp_path / "m.nc")
+    path = tmp_path / "ROOM.toml"
+    path.write_text(
+        ROOM.replace('kind = "none"', 'kind = "overcast"\nhorizontal_illuminance_lx = 1e4')
+        + '[[view]]\nname = "eye"\nkind = "fisheye"\nposition_m = [2, 3, 1.2]\ndirection = [0, -1, 0]\n'
+        + 'size_px = [100, 100]\n[[grid]]\nname = "g"\nheight_m = 0.8\nspacing_m = 2\n'
+        + "[quality]\nsampling = 0.3\nrepeats = 2\n"
+    )
+    out = tmp_path / "out"
+    words = ("daylight", "run", path, "-o", out, "--model", f"A={model}", "--model", f"B={model}")
+    code, text, err = command(*words, "-q")
+    assert code == 0, err
+    for said in ("uniformity", "daylight factor %", "DGP"):
+        assert said in text
+    result = json.loads((out / "daylight.json").read_text())
+    a, b = result["grids"]
+    assert (a["model"], b["model"]) == ("A", "B") and a["illuminance_lx"] == b["illuminance_lx"]
+    assert np.shape(a["illuminance_lx"]) == (3, 2) and a["mean_daylight_factor_percent"] > 0
+    assert np.load(a["npz"])["points_m"].shape == (3, 2, 3) and Path(a["figure"]).is_file()
+    assert [g["model"] for g in result["glare"]] == ["A", "B"]
+    assert all(0.15 < g["dgp"] < 0.6 for g in result["glare"])
+    assert result["no_daylight_factor"] is None
+    assert {("view" in r, "grid" in r) for r in result["ratios"]} == {(True, False), (False, True)}
+    assert all(Path(r["figure"]).is_file() and r["models"] == ["A", "B"] for r in result["ratios"])

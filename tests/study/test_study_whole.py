@@ -111,7 +111,10 @@ def test_a_small_specimen_goes_from_the_instruments_to_the_lit_room(tmp_path: Pa
     file.write_text(text)
     room = tmp_path / "room.toml"
     room.write_text(
-        room.read_text().replace("[240, 180]", "[48, 36]") + "\n[quality]\nsampling = 0.3\nrepeats = 2\n"
+        room.read_text().replace("[240, 180]", "[48, 36]")
+        + '\n[[view]]\nname = "eye"\nkind = "fisheye"\nposition_m = [2, 2, 1.2]\ndirection = [0, -1, 0]\n'
+        + 'size_px = [80, 80]\n[[grid]]\nname = "plane"\nheight_m = 0.8\nspacing_m = 2.5\n'
+        + "[quality]\nsampling = 0.3\nrepeats = 2\n"
     )
     done = study.run(file, tmp_path)
     assert done.report is not None
@@ -119,7 +122,7 @@ def test_a_small_specimen_goes_from_the_instruments_to_the_lit_room(tmp_path: Pa
     text = done.report.read_text(encoding="utf-8")
     for title in ("The faces of the glass", "Model C, from the geometry", "The lit room", "The finds"):
         assert title in text
-    assert "synthetic" in text
+    assert "synthetic" in text and "isolux lines" in text and "Daylight glare probability" in text
     assert (tmp_path / "specimen" / "truth" / "truth.json").is_file()
 
     truth = json.loads((tmp_path / "specimen" / "truth" / "truth.json").read_text())["tau"]["520 nm"]

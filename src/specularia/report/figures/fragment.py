@@ -72,7 +72,7 @@ def fragment_pictures(
                 f"{style.letter(k)}  {style.model_name(picture.model)}, gap {picture.gap_mm:g} mm"
             )
         if invented:
-            figure.suptitle("outline invented", x=0.005, y=0.012, ha="left", va="bottom", fontsize=6.5)
+            figure.suptitle("synthetic outline", x=0.005, y=0.012, ha="left", va="bottom", fontsize=6.5)
         panel = axes[-1, 0]
         x0, y0 = left + 0.03 * (right - left), bottom + 0.045 * (upper - bottom)
         panel.fill_between(
@@ -134,7 +134,7 @@ def contrast_over_gap(
             xlabel="gap between sheet and glass (mm)",
             ylabel=f"contrast of bars of {stroke_mm:g} mm",
         )
-        axes.legend(loc="lower left")
+        axes.legend(loc="upper right", bbox_to_anchor=(1.0, 0.84))
         header, columns = ["gap_mm"], [gaps]
         for curve in curves:
             header += [f"contrast_{curve.model}", f"transmitted_{curve.model}"]

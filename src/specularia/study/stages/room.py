@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from specularia.study.stages.blocks import figure, table
 from specularia.study.stages.models import read_models
 
 if TYPE_CHECKING:
+    from specularia.daylight import DaylightResult
     from specularia.study.engine import Work
 
 __all__ = ["room"]
@@ -75,6 +77,7 @@ def room(work: Work) -> Mapping[str, Any]:
             "scale, with isolines; numbers are illuminances (lx) at the named points."
         )
         blocks.append(figure(picture, caption, synthetic=synthetic))
+    blocks += _grids(lit, work.folder, synthetic) + _glare(lit, synthetic)
     return {
         "synthetic": synthetic,
         "points": [
@@ -89,3 +92,39 @@ def room(work: Work) -> Mapping[str, Any]:
         ],
         "blocks": blocks,
     }
+
+
+def _grids(lit: DaylightResult, folder: Path, synthetic: bool) -> list[dict[str, Any]]:
+    """A plan of each grid with all models on one scale."""
+    from specularia.daylight import file_name
+    from specularia.report import figures
+
+    blocks = []
+    for name in dict.fromkeys(g.name for g in lit.grids):
+        grids = [g for g in lit.grids if g.name == name]
+        path = folder / f"illuminance_{file_name(name)}.png"
+        shown = " and ".join(f"Model {g.model}" for g in grids)
+        factor = lit.no_daylight_factor and f" No daylight factor: {lit.no_daylight_factor}."
+        caption = (
+            f"Illuminance (lx) on the grid “{name}” with {shown} in the window, on one fixed logarithmic "
+            f"scale, with isolux lines.{factor}"
+        )
+        plan = figures.illuminance_plans(grids, path, synthetic=synthetic)
+        blocks.append(figure(plan, caption, synthetic=synthetic))
+    return blocks
+
+
+def _glare(lit: DaylightResult, synthetic: bool) -> list[dict[str, Any]]:
+    """Daylight glare probability of the fisheye views."""
+    if not lit.glare:
+        return []
+    rows = [
+        [g.view, f"Model {g.model}", f"{g.dgp:.3f}", f"{g.vertical_illuminance_lx:,.0f}", str(g.sources)]
+        for g in lit.glare
+    ]
+    header = ["view", "through", "DGP", "illuminance at the eye (lx)", "sources"]
+    caption = (
+        "Daylight glare probability by evalglare (Wienold and Christoffersen 2006), sources brighter than "
+        "2,000 cd/m²."
+    )
+    return [table(header, rows, caption, synthetic=synthetic)]
