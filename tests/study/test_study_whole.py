@@ -113,7 +113,7 @@ def test_a_small_specimen_goes_from_the_instruments_to_the_lit_room(tmp_path: Pa
     room.write_text(
         room.read_text().replace("[240, 180]", "[48, 36]")
         + '\n[[view]]\nname = "eye"\nkind = "fisheye"\nposition_m = [2, 2, 1.2]\ndirection = [0, -1, 0]\n'
-        + 'size_px = [80, 80]\n[[grid]]\nname = "plane"\nheight_m = 0.8\nspacing_m = 2.5\n'
+        + 'size_px = [36, 36]\n[[grid]]\nname = "plane"\nheight_m = 0.8\nspacing_m = 2.5\n'
         + "[quality]\nsampling = 0.3\nrepeats = 2\n"
     )
     done = study.run(file, tmp_path)
