@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,9 @@ from specularia.jobs import load_toml
 from specularia.progress import task
 from specularia.provenance import record
 
+if TYPE_CHECKING:
+    from specularia.daylight.plain import Plain
+
 __all__ = ["file_name", "run"]
 
 Array = NDArray[np.float64]
@@ -41,6 +44,8 @@ def run(
     folder: str | Path | None = None,
     seed: int = 0,
     quality: Quality | None = None,
+    method: Literal["sources", "plain"] = "sources",
+    plain: Plain | None = None,
 ) -> DaylightResult:
     """Light a room through each of the given models.
 
@@ -52,6 +57,9 @@ def run(
     folder : where pictures go; no pictures are made if it is None.
     seed : of the places where panes are cut for the standard error. The same seed gives the same answer.
     quality : settings to use instead of the room's own, such as `FULL`.
+    method : "sources", panes as tabulated light sources; or "plain", the published route for comparison, see
+        `specularia.daylight.plain`, which takes no heed of `seed` and `quality`.
+    plain : settings of that route.
 
     Raises
     ------
@@ -96,6 +104,10 @@ def run(
             "synthetic" in getattr(g.model, "attributes", {}) for g in [*own.values(), *held.values()]
         ),
     )
+    if method == "plain":
+        from specularia.daylight.plain import light as light_plainly
+
+        return light_plainly(box, held, own, out, folder=folder, provenance=provenance, settings=plain)
     points: list[Point] = []
     images: list[Image] = []
     panes: list[PaneLuminance] = []
