@@ -150,8 +150,8 @@ some place comes within {100 * WITHIN:.0f} % of the published value.
 
 Most values are met by: {"; ".join(best)} ({most} of 8). There the ceiling reads, 1 m from the window and in
 its middle: {far} lx. The middle of the ceiling itself comes near the published value in:
-{"; ".join(middle) or "none"}. Panes, straight in: {bright} cd/m2; the paper says about {PANES:,.0f}, and not in which
-direction.
+{"; ".join(middle) or "none"}. Panes, straight in:
+{bright} cd/m2; the paper says about {PANES:,.0f}, and not in which direction.
 
 What this shows: where the places may be chosen, several rooms go with most of the published values, so the
 values do not tell which room it was. What it does not show: that the paper's room was one of these, or that

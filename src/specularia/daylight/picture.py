@@ -131,7 +131,7 @@ def render(view: View, *, scene: Scene, octree: str, field: IndirectField, finen
     c, r = (a.ravel() for a in np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5))
     reflected, surface = rest(c, r)
     kind = surface.reshape(rows, columns)
-    direct = filled(kind, lambda rr, cc: straight(cc + 0.5, rr + 0.5))
+    direct = filled(kind, lambda rr, cc: straight(cc.astype(float) + 0.5, rr.astype(float) + 0.5))
     picture = direct + reflected.reshape(rows, columns)
     edge = np.zeros(kind.shape, dtype=bool)
     for one, other in (
