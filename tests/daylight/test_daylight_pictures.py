@@ -125,3 +125,25 @@ def daylight_warning() -> type[Warning]:
     from specularia.errors import SpeculariaWarning
 
     return SpeculariaWarning
+
+
+def test_a_picture_traced_in_some_pixels_is_that_of_all_of_them() -> None:
+    """Smooth light is filled in; a narrow patch, a border of surfaces and uneven sizes are not smeared."""
+    from specularia.daylight.picture import filled
+
+    rows, columns = np.meshgrid(np.arange(97), np.arange(131), indexing="ij")
+    kind = (columns > 60).astype(int)
+    truth = np.where(kind == 1, 300.0, 100.0) * np.exp(-((columns - 20.0) ** 2 + (rows - 50.0) ** 2) / 3000.0)
+    truth += np.where(kind == 0, 80.0 / (1.0 + np.exp(-(rows - 30.0) / 0.7)), 0.0)
+    traced = []
+
+    def trace(r: np.ndarray, c: np.ndarray) -> np.ndarray:
+        traced.append(len(r))
+        return truth[r, c]
+
+    got = filled(kind, trace)
+    assert np.max(np.abs(got / truth - 1.0)) < 0.03
+    assert np.sqrt(np.mean((got / truth - 1.0) ** 2)) < 0.005
+    assert sum(traced) < 0.5 * truth.size
+    with_a_flat_line = filled(np.zeros((1, 40), dtype=int), lambda r, c: np.ones(len(r)))
+    assert np.all(with_a_flat_line == 1.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,6 +11,13 @@ import typer
 from specularia.cli._common import Json, Quiet, Seed, emit, numbers, session, table
 
 app = typer.Typer(no_args_is_help=True, help="The lit room: illuminance and luminance behind a pane.")
+
+
+class Method(StrEnum):
+    """How light gets from the panes to the surfaces of the room."""
+
+    sources = "sources"
+    plain = "plain"
 
 
 @app.command()
@@ -25,12 +33,22 @@ def run(
     full: Annotated[
         bool, typer.Option("--full", help="Publication quality instead of what the room's file asks for.")
     ] = False,
+    method: Annotated[
+        Method,
+        typer.Option(
+            "--method",
+            help="sources: panes as tabulated light sources. plain: BSDF polygons and ambient sampling by "
+            "Radiance at the paper's options, slow, for comparison.",
+        ),
+    ] = Method.sources,
     seed: Seed = 0,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
     """Light a room through each model: pictures, illuminance at named points, luminance of the panes."""
     models = _named_files(model or [])
+    if full and method is Method.plain:
+        raise typer.BadParameter("--method plain has the paper's options only", param_hint="--full")
     with session(quiet=quiet):
         from specularia import daylight
         from specularia.files import write_json
@@ -41,6 +59,7 @@ def run(
             folder=output,
             seed=seed,
             quality=daylight.FULL if full else None,
+            method=method.value,
         )
         figures, ratios, plans = _figures(lit, output)
         result = {

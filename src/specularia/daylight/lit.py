@@ -6,7 +6,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,9 @@ from specularia.jobs import load_toml
 from specularia.progress import task
 from specularia.provenance import record
 
+if TYPE_CHECKING:
+    from specularia.daylight.plain import Plain
+
 __all__ = ["file_name", "run"]
 
 Array = NDArray[np.float64]
@@ -52,6 +55,8 @@ def run(
     folder: str | Path | None = None,
     seed: int = 0,
     quality: Quality | None = None,
+    method: Literal["sources", "plain"] = "sources",
+    plain: Plain | None = None,
 ) -> DaylightResult:
     """Light a room through each of the given models.
 
@@ -63,6 +68,9 @@ def run(
     folder : where pictures go; no pictures are made if it is None.
     seed : of the places where panes are cut for the standard error. The same seed gives the same answer.
     quality : settings to use instead of the room's own, such as `FULL`.
+    method : "sources", panes as tabulated light sources; or "plain", the published route for comparison, see
+        `specularia.daylight.plain`, which takes no heed of `seed` and `quality`.
+    plain : settings of that route.
 
     Raises
     ------
@@ -110,6 +118,12 @@ def run(
             "synthetic" in getattr(g.model, "attributes", {}) for g in [*own.values(), *held.values()]
         ),
     )
+    if method == "plain":
+        from specularia.daylight.plain import light as light_plainly
+
+        return light_plainly(
+            box, held, own, out, file=file, folder=folder, provenance=provenance, settings=plain
+        )
     points: list[Point] = []
     images: list[Image] = []
     panes: list[PaneLuminance] = []

@@ -22,7 +22,7 @@ from specularia.daylight.outdoors import hemisphere as projected_hemisphere
 from specularia.daylight.own_geometry import OwnRoom
 from specularia.daylight.transfer import bin_directions
 
-__all__ = ["Outside", "Shaded"]
+__all__ = ["Outside", "Shaded", "outer_reveal"]
 
 Array = NDArray[np.float64]
 
@@ -75,7 +75,7 @@ class Outside:
         self.box, self.outdoors = box, outdoors
         polygons: list[tuple[Array, float]] = []
         for index, window in enumerate(box.job.window):
-            polygons += [(p, box.job.reflectance.outside) for p in _outer_reveal(box, index, window)]
+            polygons += [(p, box.job.reflectance.outside) for p in outer_reveal(box, index, window)]
         polygons += box.polygons
         for obstacle in box.job.obstacle:
             polygons += [(p, obstacle.reflectance) for p in obstacle_faces(obstacle)]
@@ -152,7 +152,7 @@ def _places(glass: Rectangle, cell: float) -> list[Rectangle]:
     ]
 
 
-def _outer_reveal(box: Box | OwnRoom, index: int, window: Window) -> list[Array]:
+def outer_reveal(box: Box | OwnRoom, index: int, window: Window) -> list[Array]:
     """The four faces of a window's outer reveal, [4, 3] corners each."""
     depth = window.outer_reveal_m
     if depth <= 0.0:
