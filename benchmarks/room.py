@@ -352,7 +352,7 @@ def reference(model: Any, job: Any, at: Any, normals: Any, *, step: float = 0.15
     def exact(ux: Any, uy: Any) -> Any:
         return emitted(model, out, ux, uy) + sky.at(ux, uy)
 
-    direct = straight(exact, at, normals, 42, 60)
+    direct = straight(exact, at, normals, 126, 180)
     # For the patches the sun's share comes from a fine table.
     theta, phi = np.arange(0.0, 90.1, 0.5), np.arange(-180.0, 180.1, 1.0)
     tt, pp = np.radians(np.meshgrid(np.minimum(theta, 89.9), phi, indexing="ij"))
