@@ -108,8 +108,8 @@ def _gauss_points(s: Array, t: Array) -> tuple[Array, Array, Array]:
 
 
 def _axis(centre: float | None, sampling: float) -> Array:
-    """Nodes from -1 to 1, 1.6 degrees apart, but 0.3 degrees around the sun's undeflected direction."""
-    coarse = 0.014 / sampling
+    """Nodes from -1 to 1, 0.7 degrees apart, but 0.3 degrees around the sun's undeflected direction."""
+    coarse = 0.006 / sampling
     if centre is None:
         return np.linspace(-1.0, 1.0, int(np.ceil(2.0 / coarse)) + 1)
 

@@ -14,6 +14,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import RectBivariateSpline
 
 from specularia.bsdf import ScatteringModel
 from specularia.conventions import disk_to_square, square_to_disk
@@ -27,6 +28,9 @@ Shares = Callable[[float, float], tuple[Array, Array, Array]]
 
 RIM: Final = 0.99999
 """Largest sine of an exit or incident angle that the model is asked for: 89.74 degrees."""
+
+_NEAR: Final = np.array([0.25, 0.5, 1.0, 1.75, 2.75])
+"""Degrees from the normal of further nodes."""
 
 BINS: Final = 64
 """Bins each way of the Shirley-Chiu square in which incident directions are gathered, of about 2 degrees."""
@@ -45,7 +49,7 @@ class SkyTransfer:
     Parameters
     ----------
     model : needs transmission_back.
-    sampling : density of the grid, times the quick one of 25 x 48 directions.
+    sampling : density of the grid, times the quick one of about 30 x 48 directions.
 
     Attributes
     ----------
@@ -60,11 +64,16 @@ class SkyTransfer:
         """From a function of exit angle and azimuth in degrees: ux, uy and weights of what is shown."""
         made = cls.__new__(cls)
         made._fill(shares, isotropic, sampling)
+        # What is seen straight through has edges, such as the horizon, that a spline would overshoot.
+        made._order = 1
         return made
 
     def _fill(self, shares: Shares, isotropic: bool, sampling: float) -> None:
         n = int(np.ceil(24 * np.sqrt(sampling)))
-        self.theta = np.linspace(0.0, 90.0, n + 1)
+        self._order = 3
+        even = np.linspace(0.0, 90.0, n + 1)
+        # Close to the normal a needle of light may rise within a degree.
+        self.theta = np.concatenate([[0.0], _NEAR[0.7 * even[1] > _NEAR], even[1:]])
         self.theta[-1] = np.degrees(np.arcsin(RIM))
         self.phi = np.linspace(0.0, 360.0, 2 * n + 1)
         self.isotropic = isotropic
@@ -107,9 +116,15 @@ class SkyTransfer:
         return out
 
     def at(self, table: Array, ux: Array, uy: Array) -> Array:
-        """Values of one of `tables` towards direction cosines, linear between the nodes."""
+        """Values of one of `tables` towards direction cosines, by cubic splines between the nodes."""
         at = np.degrees(np.arcsin(np.minimum(np.hypot(ux, uy), RIM)))
-        return bilinear(self.theta, self.phi, table, at, np.mod(np.degrees(np.arctan2(uy, ux)), 360.0))
+        around = np.mod(np.degrees(np.arctan2(uy, ux)), 360.0)
+        if self._order == 1:
+            return bilinear(self.theta, self.phi, table, at, around)
+        phi = np.concatenate([self.phi[-4:-1] - 360.0, self.phi, self.phi[1:4] + 360.0])
+        turned = np.concatenate([table[:, -4:-1], table, table[:, 1:4]], axis=1)
+        spline = RectBivariateSpline(self.theta, phi, turned)
+        return np.maximum(spline(at.ravel(), around.ravel(), grid=False).reshape(at.shape), 0.0)
 
 
 def _bin(x: Array, y: Array) -> NDArray[np.intp]:
