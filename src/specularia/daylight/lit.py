@@ -300,11 +300,11 @@ def _image(
     with atomic(folder / f"{stem}.npz") as temporary:
         arrays: dict[str, Any] = {"luminance": luminance.astype(np.float32), "units": "cd/m2", **provenance}
         np.savez_compressed(temporary, **arrays)
-    pixels = _pixels(scene.box.job, camera)
+    pixels = sensor_pixels(scene.box.job, camera)
     return Image(name, view.name, hdr, folder / f"{stem}.npz", luminance, view, pixels)
 
 
-def _pixels(job: RoomJob, camera: Camera) -> dict[str, tuple[float, float]]:
+def sensor_pixels(job: RoomJob, camera: Camera) -> dict[str, tuple[float, float]]:
     """Picture positions of sensors whose lit side faces the eye."""
     sensors = job.sensor
     if not sensors:

@@ -24,6 +24,9 @@ Array = NDArray[np.float64]
 _CLEAR_GLASS = 0.15
 """Diffuse-diffuse reflectance of a clear pane, n = 1.5, both faces."""
 
+_SHADED = 0.45
+"""Density of the nodes of maps of shaded places, times that of other maps."""
+
 
 class Glazing:
     """A scattering model in a window; what follows from it alone is kept for the next sky, hour or wall.
@@ -130,24 +133,27 @@ def lights(box: Box | OwnRoom, glazing: Sequence[Glazing], outdoors: Outdoors, *
     """What every pane emits under this sun and sky, `glazing` being that of each pane in turn."""
     outside = Outside(box, outdoors)
     dark = outdoors.zenith <= 0.0 and outdoors.ground <= 0.0
-    suns: dict[tuple[int, bytes], EmissionMap] = {}
-    whole: dict[tuple[int, bytes], int] = {}
+    suns: dict[tuple[int, bool, bytes], EmissionMap] = {}
+    whole: dict[tuple[int, bool, bytes], int] = {}
     maps: list[EmissionMap] = []
     found: list[Light] = []
     beam = np.zeros(len(box.panes))
     towards = outdoors.sun if outdoors.sun_illuminance > 0.0 else None
     share, sunlit, skylit = np.ones(len(box.panes)), np.zeros(len(box.panes)), np.zeros(len(box.panes))
     for index, (pane, glass) in enumerate(zip(box.panes, glazing)):
-        key = (id(glass), pane.axes.tobytes())
         cosine = 0.0 if towards is None else max(float(towards @ pane.axes[2]), 0.0)
         straight = glass.undeflected(float(np.degrees(np.arccos(min(cosine, 1.0))))) if cosine > 0.0 else 0.0
         beam[index] = straight * outdoors.sun_illuminance
+        shaded = outside.shade(pane, sampling) if len(outside.triangles) else None
+        alone = shaded is None or not shaded.matters
+        key = (id(glass), alone, pane.axes.tobytes())
         if key not in suns:
             seen = outdoors if straight == 0.0 else replace(outdoors, sun_illuminance=0.0)
-            suns[key] = sun_map(glass.model, axes=pane.axes, outdoors=seen, sampling=sampling)
+            # Places of a shaded pane have a map each; they can do with fewer nodes.
+            nodes = sampling if alone else _SHADED * sampling
+            suns[key] = sun_map(glass.model, axes=pane.axes, outdoors=seen, sampling=nodes)
         sun, first = suns[key], len(maps)
-        shaded = outside.shade(pane, sampling) if len(outside.triangles) else None
-        if shaded is None or not shaded.matters:
+        if shaded is None or alone:
             if key not in whole:
                 if dark:
                     maps.append(sun)

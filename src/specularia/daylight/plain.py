@@ -28,7 +28,7 @@ from specularia.conventions import LUMINOUS_EFFICACY
 from specularia.daylight.camera import Camera
 from specularia.daylight.geometry import Box, Pane
 from specularia.daylight.job import Reflectance, View
-from specularia.daylight.lit import _pixels, file_name
+from specularia.daylight.lit import sensor_pixels, file_name
 from specularia.daylight.obstacles import obstacle_faces
 from specularia.daylight.outdoors import (
     SUN_DIAMETER_DEG,
@@ -41,7 +41,7 @@ from specularia.daylight.panes import Glazing
 from specularia.daylight.picture import write_hdr
 from specularia.daylight.references import Undeflected
 from specularia.daylight.results import DaylightResult, Image, PaneLuminance, Point
-from specularia.daylight.scene import _polygon, _walls
+from specularia.daylight.scene import polygon, walls
 from specularia.daylight.shading import Outside, outer_reveal
 from specularia.errors import FormatError
 from specularia.files import atomic
@@ -210,13 +210,13 @@ class _Scene:
         opaque = []
         for k, (corners, r) in enumerate(shown):
             opaque.append(f"void plastic outside{k}\n0\n0\n5 {r:.9g} {r:.9g} {r:.9g} 0 0\n\n")
-            opaque.append(_polygon(f"outside{k}", f"outer{k}", corners))
+            opaque.append(polygon(f"outside{k}", f"outer{k}", corners))
         (self.folder / "plain.cal").write_text(_SKY)
         (self.folder / "outdoors.rad").write_text("".join([*opaque, _sky(self.outdoors)]))
         nothing = Reflectance(ceiling=0.0, walls=0.0, floor=0.0, frames=0.0, reveals=0.0)
         dark = Box(box.job.model_copy(update={"reflectance": nothing}))
         for name, shell in (("room", box), ("dark", dark)):
-            (self.folder / f"{name}.rad").write_text(_walls(shell) + glass)
+            (self.folder / f"{name}.rad").write_text(walls(shell) + glass)
             octree = run(["oconv", f"{name}.rad", "outdoors.rad"], cwd=self.folder)
             (self.folder / f"{name}.oct").write_bytes(octree)
 
@@ -266,7 +266,7 @@ def _pane(index: int, pane: Pane, xml: str, box: Box, glazing: Glazing) -> str:
     corners = face.point(np.array([g.u0, g.u1, g.u1, g.u0]), np.array([g.v0, g.v0, g.v1, g.v1]))
     if float(np.cross(face.along, face.across) @ face.normal) < 0.0:
         corners = corners[::-1]
-    return f"void BSDF glass{index}\n6 0 {xml} {up} .\n0\n3 {r:.9g} {r:.9g} {r:.9g}\n\n" + _polygon(
+    return f"void BSDF glass{index}\n6 0 {xml} {up} .\n0\n3 {r:.9g} {r:.9g} {r:.9g}\n\n" + polygon(
         f"glass{index}", f"pane{index}", corners
     )
 
@@ -322,7 +322,7 @@ def _image(name: str, view: View, scene: _Scene, folder: Path, provenance: Mappi
         arrays: dict[str, Any] = {"luminance": luminance.astype(np.float32), "units": "cd/m2", **provenance}
         np.savez_compressed(temporary, **arrays)
     return Image(
-        name, view.name, hdr, folder / f"{stem}.npz", luminance, view, _pixels(scene.box.job, camera)
+        name, view.name, hdr, folder / f"{stem}.npz", luminance, view, sensor_pixels(scene.box.job, camera)
     )
 
 

@@ -73,7 +73,7 @@ class Scene:
         for k, m in enumerate(lights.maps):
             (folder / f"map{k}.dat").write_text(_data(m))
         (folder / "walls.rad").write_text(
-            box.text + _obstacles(box) if isinstance(box, OwnRoom) else _walls(box)
+            box.text + _obstacles(box) if isinstance(box, OwnRoom) else walls(box)
         )
         lit = [m.width_deg() for m in lights.maps if m.luminance.max() > 0]
         return cls(folder, box, lights, min(lit, default=90.0), sampling)
@@ -143,12 +143,12 @@ def _data(m: EmissionMap) -> str:
     return "2\n" + "\n".join(head) + "\n" + "\n".join(rows) + "\n"
 
 
-def _polygon(modifier: str, name: str, corners: Array) -> str:
+def polygon(modifier: str, name: str, corners: Array) -> str:
     numbers = "\n".join(" ".join(f"{c:.9g}" for c in corner) for corner in corners)
     return f"{modifier} polygon {name}\n0\n0\n{3 * len(corners)}\n{numbers}\n\n"
 
 
-def _walls(box: Box) -> str:
+def walls(box: Box) -> str:
     """Everything opaque, as even scatterers; where a pane belongs there is a hole."""
     text = []
     for number, face in enumerate(box.faces.values()):
@@ -158,7 +158,7 @@ def _walls(box: Box) -> str:
             if cell.part < 0:
                 q = cell.rectangle
                 corners = face.point(np.array([q.u0, q.u1, q.u1, q.u0]), np.array([q.v0, q.v0, q.v1, q.v1]))
-                text.append(_polygon(f"face{number}", f"face{number}.{k}", corners))
+                text.append(polygon(f"face{number}", f"face{number}.{k}", corners))
     return "".join(text)
 
 
@@ -169,7 +169,7 @@ def _obstacles(box: OwnRoom) -> str:
         r = obstacle.reflectance
         text.append(f"void plastic obstacle{number}\n0\n0\n5 {r:.9g} {r:.9g} {r:.9g} 0 0\n\n")
         faces = obstacle_faces(obstacle)
-        text += [_polygon(f"obstacle{number}", f"obstacle{number}.{k}", c) for k, c in enumerate(faces)]
+        text += [polygon(f"obstacle{number}", f"obstacle{number}.{k}", c) for k, c in enumerate(faces)]
     return "".join(text)
 
 
@@ -191,6 +191,6 @@ def _light(index: int, light: Light, box: Box | OwnRoom, cell: float, shift: tup
             u, v = us[[i, i + 1, i + 1, i]], vs[[j, j, j + 1, j + 1]]
             corners = face.point(u, v)
             text.append(
-                _polygon(f"glow{index}", f"light{index}.{i}.{j}", corners[::-1] if turned else corners)
+                polygon(f"glow{index}", f"light{index}.{i}.{j}", corners[::-1] if turned else corners)
             )
     return "".join(text)
