@@ -40,7 +40,7 @@ from specularia.provenance import record
 if TYPE_CHECKING:
     from specularia.daylight.plain import Plain
 
-__all__ = ["file_name", "run"]
+__all__ = ["file_name", "run", "sensor_pixels"]
 
 Array = NDArray[np.float64]
 

@@ -28,7 +28,7 @@ from specularia.conventions import LUMINOUS_EFFICACY
 from specularia.daylight.camera import Camera
 from specularia.daylight.geometry import Box, Pane
 from specularia.daylight.job import Reflectance, View
-from specularia.daylight.lit import sensor_pixels, file_name
+from specularia.daylight.lit import file_name, sensor_pixels
 from specularia.daylight.obstacles import obstacle_faces
 from specularia.daylight.outdoors import (
     SUN_DIAMETER_DEG,

@@ -23,7 +23,7 @@ from specularia.daylight.panes import Light, Lights
 from specularia.errors import PhysicsError
 from specularia.radiance import run
 
-__all__ = ["Scene", "cuts"]
+__all__ = ["Scene", "cuts", "polygon", "walls"]
 
 Array = NDArray[np.float64]
 
@@ -144,6 +144,7 @@ def _data(m: EmissionMap) -> str:
 
 
 def polygon(modifier: str, name: str, corners: Array) -> str:
+    """A polygon in Radiance's words; corners [K, 3] in m."""
     numbers = "\n".join(" ".join(f"{c:.9g}" for c in corner) for corner in corners)
     return f"{modifier} polygon {name}\n0\n0\n{3 * len(corners)}\n{numbers}\n\n"
 
