@@ -126,7 +126,8 @@ def render(
     reflected, surface, glass = rest(c, r)
     kind = surface.reshape(rows, columns)
     panes = glass.reshape(rows, columns)
-    direct = filled(kind, lambda rr, cc: straight(np.add(cc, 0.5), np.add(rr, 0.5)), panes)
+    step = _STEP * (2 if min(rows, columns) >= _LARGE else 1)
+    direct = filled(kind, lambda rr, cc: straight(np.add(cc, 0.5), np.add(rr, 0.5)), panes, step)
     picture = direct + reflected.reshape(rows, columns)
     edge = np.zeros(kind.shape, dtype=bool)
     for one, other in (
@@ -171,7 +172,10 @@ def _from_neighbours(
 
 
 _STEP = 4
-"""Pixels between those that are traced at first."""
+"""Pixels between those that are traced at first; twice as many in large pictures."""
+
+_LARGE = 300
+"""Rows and columns from which a picture is large."""
 
 _EVEN = 0.01
 """Relative deviation in the middle of a block up to which it counts as even."""
