@@ -126,8 +126,7 @@ def render(
     reflected, surface, glass = rest(c, r)
     kind = surface.reshape(rows, columns)
     panes = glass.reshape(rows, columns)
-    step = _STEP * (2 if min(rows, columns) >= _LARGE else 1)
-    direct = filled(kind, lambda rr, cc: straight(np.add(cc, 0.5), np.add(rr, 0.5)), panes, step)
+    direct = filled(kind, lambda rr, cc: straight(np.add(cc, 0.5), np.add(rr, 0.5)), panes)
     picture = direct + reflected.reshape(rows, columns)
     edge = np.zeros(kind.shape, dtype=bool)
     for one, other in (
@@ -172,10 +171,7 @@ def _from_neighbours(
 
 
 _STEP = 4
-"""Pixels between those that are traced at first; twice as many in large pictures."""
-
-_LARGE = 300
-"""Rows and columns from which a picture is large."""
+"""Pixels between those that are traced at first."""
 
 _EVEN = 0.01
 """Relative deviation in the middle of a block up to which it counts as even."""
