@@ -43,8 +43,9 @@ def room(work: Work) -> Mapping[str, Any]:
         caption = (
             "Illuminance (lx) at the named points, direct and interreflected, with the standard error of the "
             "computation. In brackets the 95 % interval that the model's own uncertainty gives as well: "
-            "noise of a measurement and what lies between its angles, or the spread between members of a "
-            "healed ensemble. Sky and room are taken as known."
+            "noise of a measurement and what lies between its angles, or the spread of the transmission "
+            "between members of a healed ensemble. It does not hold how far the shape of their lobes "
+            "differs, which matters in the sun's patch. Sky and room are taken as known."
         )
         blocks.append(table(["point", *(f"Model {m}" for m in names)], rows, caption, synthetic=synthetic))
     panes = [
