@@ -212,7 +212,7 @@ class _Scene:
             opaque.append(f"void plastic outside{k}\n0\n0\n5 {r:.9g} {r:.9g} {r:.9g} 0 0\n\n")
             opaque.append(polygon(f"outside{k}", f"outer{k}", corners))
         (self.folder / "plain.cal").write_text(_SKY)
-        (self.folder / "outdoors.rad").write_text("".join([*opaque, _sky(self.outdoors)]))
+        (self.folder / "outdoors.rad").write_text("".join([_backing(box), *opaque, _sky(self.outdoors)]))
         nothing = Reflectance(ceiling=0.0, walls=0.0, floor=0.0, frames=0.0, reveals=0.0)
         dark = Box(box.job.model_copy(update={"reflectance": nothing}))
         for name, shell in (("room", box), ("dark", dark)):
@@ -269,6 +269,28 @@ def _pane(index: int, pane: Pane, xml: str, box: Box, glazing: Glazing) -> str:
     return f"void BSDF glass{index}\n6 0 {xml} {up} .\n0\n3 {r:.9g} {r:.9g} {r:.9g}\n\n" + polygon(
         f"glass{index}", f"pane{index}", corners
     )
+
+
+_BEHIND_M: Final = 5e-5
+"""Backing behind the walls; it reaches as far again under the borders of panes and niches."""
+
+
+def _backing(box: Box) -> str:
+    """Black sheets just behind everything opaque, each a little larger than what it backs.
+
+    Radiance overlooks surfaces nearer than 1e-6 m to where a ray starts, so that from about one of a million
+    points, in the corners of the room, the sun is seen through a wall.
+    """
+    text = ["void plastic backing\n0\n0\n5 0 0 0 0 0\n\n"]
+    for number, face in enumerate(box.faces.values()):
+        for k, cell in enumerate(box.cells(face.name, 1e9, follow=True)):
+            if cell.part < 0:
+                q, more = cell.rectangle, 2.0 * _BEHIND_M
+                u = np.array([q.u0 - more, q.u1 + more, q.u1 + more, q.u0 - more])
+                v = np.array([q.v0 - more, q.v0 - more, q.v1 + more, q.v1 + more])
+                corners = face.point(u, v) - _BEHIND_M * face.normal
+                text.append(polygon("backing", f"backing{number}.{k}", corners))
+    return "".join(text)
 
 
 def _sky(out: Outdoors) -> str:
