@@ -41,6 +41,8 @@ class Face:
     max_missing : a map of which a larger share is missing is refused, 0 to 1; otherwise gaps are filled.
     sealant_index : index of a liquid that fills the relief up to a plane surface, > 1; None for none. The
         plane stands at the highest point of the relief, and the liquid does not absorb.
+    micro_slope : rms slope, along any one direction, of relief too fine for the map, 0 to 0.5. Its slopes are
+        Gaussian and add to those of the map at every meeting with light (`kernel.micro_facet`).
     """
 
     heights_um: Array | None
@@ -50,8 +52,11 @@ class Face:
     name: str = "face"
     max_missing: float = MISSING_LIMIT
     sealant_index: float | None = None
+    micro_slope: float = 0.0
 
     def __post_init__(self) -> None:
+        if not 0.0 <= self.micro_slope <= 0.5:
+            raise PhysicsError(f"{self.name}: micro_slope lies between 0 and 0.5, not at {self.micro_slope}.")
         if self.sealant_index is not None and not 1.0 < self.sealant_index < 5.0:
             raise PhysicsError(
                 f"{self.name}: the index of a sealant lies between 1 and 5, not at {self.sealant_index}."
@@ -76,9 +81,11 @@ class Face:
             raise PhysicsError(f"{self.name}: max_missing is a share of 0 to 1, not {self.max_missing}.")
 
     @classmethod
-    def flat(cls, name: str = "face", *, sealant_index: float | None = None) -> Self:
+    def flat(
+        cls, name: str = "face", *, sealant_index: float | None = None, micro_slope: float = 0.0
+    ) -> Self:
         """A flat face."""
-        return cls(heights_um=None, name=name, sealant_index=sealant_index)
+        return cls(heights_um=None, name=name, sealant_index=sealant_index, micro_slope=micro_slope)
 
     @classmethod
     def from_map(
@@ -89,6 +96,7 @@ class Face:
         name: str = "",
         max_missing: float = MISSING_LIMIT,
         sealant_index: float | None = None,
+        micro_slope: float = 0.0,
     ) -> Self:
         """The face that a height map describes.
 
@@ -102,6 +110,7 @@ class Face:
             name=name or height_map.name or "face",
             max_missing=max_missing,
             sealant_index=sealant_index,
+            micro_slope=micro_slope,
         )
 
     @property

@@ -15,6 +15,7 @@ tiling = "periodic"           # periodic | mirror | blend; without it periodic f
                               # mirror for any other
 max_missing = 0.05            # a map of which a larger share is missing is refused
 sealant_index = 1.5           # optional: a liquid that fills the relief up to a plane surface
+micro_slope = 0.03            # optional: rms slope, along one direction, of relief too fine for the map
 
 [back]
 flat = true
@@ -139,6 +140,8 @@ class FaceJob(Job):
     """Share of missing pixels above which the map is refused; fewer are filled from their surroundings."""
     sealant_index: Annotated[float, Field(gt=1.0, lt=5.0)] | None = None
     """Index of a liquid that fills the relief up to a plane surface."""
+    micro_slope: Annotated[float, Field(ge=0.0, le=0.5)] = 0.0
+    """Rms slope along any one direction of relief that is too fine for the map; Gaussian."""
 
     @model_validator(mode="after")
     def _one_of_two(self) -> Self:
@@ -303,7 +306,9 @@ def read_slab(path: str | Path, *, seed: int = 0) -> Slab:
     faces: dict[str, Face] = {}
     for name, face in (("front", job.front), ("back", job.back)):
         if face.heights is None:
-            faces[name] = Face.flat(name, sealant_index=face.sealant_index)
+            faces[name] = Face.flat(
+                name, sealant_index=face.sealant_index, micro_slope=face.micro_slope
+            )
             continue
         height_map = surface.read(face.heights, pitch_um=face.pitch_um)
         sources.append(face.heights)
@@ -316,6 +321,7 @@ def read_slab(path: str | Path, *, seed: int = 0) -> Slab:
             name=face.heights.name,
             max_missing=face.max_missing,
             sealant_index=face.sealant_index,
+            micro_slope=face.micro_slope,
         )
     absorption: float | Spectrum
     spectrum_file = job.medium.spectrum_file

@@ -39,8 +39,8 @@ class Geometry(NamedTuple):
     Attributes
     ----------
     relief, bounds, layout, quanta : see `hierarchy.pack`; row FRONT and row BACK.
-    scale : [2, 6] pixels per um along x and y, mean plane, highest point of the relief above it and lowest
-        below it (both >= 0), and the sine of the elevation of its steepest slope.
+    scale : [2, 7] pixels per um along x and y, mean plane, highest point of the relief above it and lowest
+        below it (both >= 0), the sine of the elevation of its steepest slope, and `Face.micro_slope`.
     outside : [2, 2] index of what lies on each face, 1 for air, and one over it.
     bubbles, first, member, grid : see `bubbles.pack`.
     kinds, sizes : see `flight.pack`.
@@ -181,14 +181,15 @@ class Slab:
     @cached_property
     def geometry(self) -> Geometry:
         """Arrays for the tracer, made once."""
-        scale = np.empty((2, 6))
+        scale = np.empty((2, 7))
         scale[:, :2] = 1.0 / self.pitch_um
         scale[:, 2] = 500.0 * self.thickness_mm, -500.0 * self.thickness_mm
         for face, relief in enumerate(self.reliefs):
             slope = steepest(relief, pitch_x_um=self.pitch_um[face, 0], pitch_y_um=self.pitch_um[face, 1])
             # A little more than the truth, since light and slope are compared in rounded numbers.
             slope *= 1.0 + 1e-5
-            scale[face, 3:] = relief.max(), -relief.min(), slope / np.hypot(1.0, slope)
+            scale[face, 3:6] = relief.max(), -relief.min(), slope / np.hypot(1.0, slope)
+        scale[:, 6] = self.front.micro_slope, self.back.micro_slope
         relief, bounds, layout, quanta = pack(self.reliefs)
         low, high = self.bulk_mm
         outside = np.array([face.sealant_index or 1.0 for face in (self.front, self.back)])

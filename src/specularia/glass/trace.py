@@ -39,6 +39,8 @@ class Paths:
     weight : share of the path's light that leaves. 0 for absorbed paths; of lost ones, what was left.
     absorbed : share that the glass took; weight + absorbed = 1.
     glass_length_mm : way in glass, so that another absorption a can be applied as exp(-a L).
+    bubbles_drawn, bubbles_expected : of bodies placed in free flight, how many were drawn on the way, and how
+        many are expected on such a way, so that another density can be applied (`reweight`).
     side : "front" or "back", the face the light arrived on.
     replicate : number of the randomised replicate of each path.
     """
@@ -49,6 +51,8 @@ class Paths:
     weight: Array
     absorbed: Array
     glass_length_mm: Array
+    bubbles_drawn: NDArray[np.int32]
+    bubbles_expected: Array
     side: LightSide
     replicate: NDArray[np.int64]
 
@@ -142,8 +146,9 @@ def trace_paths(
     if not 0 <= first <= first + count <= total:
         raise PhysicsError(f"paths {first} to {first + count} are no part of {total}.")
     face = kernel.FRONT if side == "front" else kernel.BACK
-    ux, uy, weight, absorbed, way = np.empty((5, count))
+    ux, uy, weight, absorbed, way, expected = np.empty((6, count))
     exit_side = np.empty(count, np.int8)
+    drawn = np.empty(count, np.int32)
     kernel.trace_kernel(
         *slab.geometry,
         slab.medium.index_at(wavelength_nm),
@@ -163,6 +168,8 @@ def trace_paths(
         weight,
         absorbed,
         way,
+        drawn,
+        expected,
     )
     return Paths(
         ux=ux,
@@ -171,6 +178,8 @@ def trace_paths(
         weight=weight,
         absorbed=absorbed,
         glass_length_mm=way / 1e3,
+        bubbles_drawn=drawn,
+        bubbles_expected=expected,
         side=side,
         replicate=_replicates(first, count, each),
     )
