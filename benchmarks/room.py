@@ -109,8 +109,7 @@ def synthetic_models(folder: Path) -> dict[str, Any]:
     if not ((folder / "m.nc").exists() and (folder / "c.nc").exists()):
         made = twin.make(None, folder / "twin", seed=1)
         bsdf.write(gonio.fit([t for f in made.tables for t in gonio.read(f)]), folder / "m.nc")
-        traced = glass.model(read_slab(made.glass), paths=PATHS, seed=1)
-        bsdf.write(traced.model, folder / "c.nc")
+        bsdf.write(glass.model(read_slab(made.glass), paths=PATHS, seed=1), folder / "c.nc")
     return {"M": bsdf.read(folder / "m.nc"), "C": bsdf.read(folder / "c.nc")}
 
 
