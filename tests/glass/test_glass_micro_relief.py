@@ -33,7 +33,9 @@ def shares(paths: Paths, theta_deg: float) -> tuple[float, float, float]:
 
 @pytest.mark.parametrize("theta_deg", [0.0, 40.0])
 @pytest.mark.parametrize("lit_face", ["front", "back"])
-def test_micro_facets_scatter_as_gaussian_relief_that_is_traced_in_full(lit_face: str, theta_deg: float) -> None:
+def test_micro_facets_scatter_as_gaussian_relief_that_is_traced_in_full(
+    lit_face: str, theta_deg: float
+) -> None:
     slope = 0.1
     relief = Face(gaussian_relief(slope, pixels=500, seed=3), 1.5, 1.5)
     drawn = Slab(3.0, **{lit_face: Face.flat(micro_slope=slope)})

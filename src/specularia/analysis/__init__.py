@@ -1,9 +1,14 @@
-"""Models set beside the measurement: direct-hemispherical transmission (the paper's Table 1)."""
+"""Models set beside the measurement, and what explains the difference."""
 
 from __future__ import annotations
 
 from specularia.analysis.cutoff import Cutoff, LobeWidth, cutoff, lobe_width, ray_limit_um, tau_of_paths
+from specularia.analysis.explain import STEPS, Budget, Published, Step, explain
 from specularia.analysis.healed import HealedPane, healed_pane, member_slab
+from specularia.analysis.hybrid import hybrid
+from specularia.analysis.infer import PRIORS, HeldOutTau, Inferred, Prior, infer
+from specularia.analysis.infer_design import PARAMETERS
+from specularia.analysis.lobe_shape import LobeShape
 from specularia.analysis.transmission import (
     CLEAR_SLAB,
     MEASURED,
@@ -17,13 +22,26 @@ from specularia.analysis.transmission import (
 __all__ = [
     "CLEAR_SLAB",
     "MEASURED",
+    "PARAMETERS",
+    "PRIORS",
+    "STEPS",
+    "Budget",
     "Cutoff",
     "HealedPane",
+    "HeldOutTau",
+    "Inferred",
+    "LobeShape",
     "LobeWidth",
+    "Prior",
+    "Published",
+    "Step",
     "Table1",
     "TauPoints",
     "cutoff",
+    "explain",
     "healed_pane",
+    "hybrid",
+    "infer",
     "lobe_width",
     "measured_tau",
     "member_slab",

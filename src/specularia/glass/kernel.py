@@ -24,8 +24,8 @@ import numpy as np
 from specularia.glass.hierarchy import LEVELS, STEP
 
 __all__ = [
-    "ABSORBED", "BACK", "FRONT", "LOST", "SIDES", "meet_interface", "meet_relief", "micro_facet", "trace_kernel",
-    "uniform",
+    "ABSORBED", "BACK", "FRONT", "LOST", "SIDES", "meet_interface", "meet_relief", "micro_facet",
+    "trace_kernel", "uniform",
 ]  # fmt: skip
 
 NO_SIDES, ABSORBING, CLEAR, REFLECTING = 0, 1, 2, 3

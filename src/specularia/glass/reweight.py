@@ -62,7 +62,7 @@ def reweight(
     if density_ratio != 1.0:
         if not paths.bubbles_expected.any():
             raise PhysicsError(
-                "these paths were traced without bodies placed in free flight; their density cannot be changed."
+                "these paths were traced without bodies in free flight; no other number of them can be had."
             )
         likelihood = np.exp(
             paths.bubbles_drawn * np.log(density_ratio) - (density_ratio - 1.0) * paths.bubbles_expected

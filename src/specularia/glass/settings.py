@@ -306,9 +306,7 @@ def read_slab(path: str | Path, *, seed: int = 0) -> Slab:
     faces: dict[str, Face] = {}
     for name, face in (("front", job.front), ("back", job.back)):
         if face.heights is None:
-            faces[name] = Face.flat(
-                name, sealant_index=face.sealant_index, micro_slope=face.micro_slope
-            )
+            faces[name] = Face.flat(name, sealant_index=face.sealant_index, micro_slope=face.micro_slope)
             continue
         height_map = surface.read(face.heights, pitch_um=face.pitch_um)
         sources.append(face.heights)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -114,9 +115,13 @@ def cross_validate(
     return found
 
 
-def distance(
-    model: TabulatedModel, side: str, found: Distribution, *, theta_deg: float, phi_deg: float
-) -> Array:
+class Evaluated(Protocol):
+    """Anything with values of a BSDF in 1/sr at directions, as `bsdf.ScatteringModel.evaluate` gives them."""
+
+    def evaluate(self, side: str, theta_i_deg: Any, phi_i_deg: Any, ux: Any, uy: Any) -> Array: ...
+
+
+def distance(model: Evaluated, side: str, found: Distribution, *, theta_deg: float, phi_deg: float) -> Array:
     """L1 distance of a model from a measured distribution, and that of the measurement's noise from zero.
 
     Parameters

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from specularia.report.figures.budget import budget
 from specularia.report.figures.curves import sections, tau_curves
 from specularia.report.figures.cutoff import cutoff
 from specularia.report.figures.day import day_curves
@@ -13,11 +14,13 @@ from specularia.report.figures.illuminance import illuminance_plans
 from specularia.report.figures.light_ratio import illuminance_ratios, luminance_ratios
 from specularia.report.figures.luminance import luminance_maps
 from specularia.report.figures.perspective import relief
+from specularia.report.figures.posterior import posterior
 from specularia.report.figures.surfaces import height_maps, micrographs
 from specularia.report.figures.texture import abbott_curve, directions, power_spectra, slope_angles
 
 __all__ = [
     "abbott_curve",
+    "budget",
     "contrast_over_gap",
     "cutoff",
     "day_curves",
@@ -34,6 +37,7 @@ __all__ = [
     "luminance_ratios",
     "measured_dsf",
     "micrographs",
+    "posterior",
     "power_spectra",
     "ratio_map",
     "relief",

@@ -1,0 +1,366 @@
+"""What the glass is like, from measured tables and height maps: absorption, bubbles, finest relief.
+
+The light in cells of deflection, at all measured angles at once, is set against what the tracer sends there
+for possible panes (`infer_design`). Model and measurement differ by noise, by a common error of scale, and by
+what the maps do not tell (the beam sees another place of the pane than the microscope); the size of that last
+discrepancy is inferred along, and neighbouring cells share it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specularia.analysis.infer_design import PARAMETERS, Emulator, emulate, measured_light, with_values
+from specularia.errors import CoverageError, PhysicsError
+from specularia.glass import Slab
+from specularia.gonio import Summary, Table, summarise_all
+from specularia.progress import task
+
+__all__ = ["PRIORS", "HeldOutTau", "Inferred", "Prior", "infer"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Prior:
+    """A lognormal prior.
+
+    Attributes
+    ----------
+    median : of the parameter, > 0.
+    sigma : standard deviation of its natural logarithm, > 0.
+    """
+
+    median: float
+    sigma: float
+
+    def __post_init__(self) -> None:
+        if not (0.0 < self.median < float("inf") and 0.0 < self.sigma <= 3.0):
+            raise PhysicsError(
+                f"a prior has a median above 0 and a sigma of up to 3, not {self.median:g}, {self.sigma:g}."
+            )
+
+
+PRIORS: Final = {
+    "absorption_per_mm": Prior(0.03, 1.0),
+    "bubbles_per_cm3": Prior(20.0, 1.0),
+    "bubble_diameter_mm": Prior(0.25, 0.35),
+    "bubble_elongation": Prior(2.0, 0.35),
+    "micro_slope_front": Prior(0.05, 0.7),
+    "micro_slope_back": Prior(0.05, 0.7),
+}
+"""Priors where none are given; chosen here to be wide, not measured on any collection of glass."""
+
+_HIGHEST: Final = {
+    "absorption_per_mm": 0.4,
+    "bubbles_per_cm3": 400.0,
+    "bubble_diameter_mm": 3.0,
+    "bubble_elongation": 10.0,
+    "micro_slope_front": 0.3,
+    "micro_slope_back": 0.3,
+}
+
+_REACH: Final = 1.7
+"""Standard deviations of the prior that the traced designs reach on either side; beyond, the polynomial is
+not trusted and the posterior is cut off."""
+
+_ALIKE: Final = 0.5
+"""Discrepancies of two cells are alike by exp(-|difference of ln(deflection)| / this); between angles of
+incidence they are alike by `_ALIKE_ANGLES` of that. Chosen here."""
+
+_ALIKE_ANGLES: Final = 0.5
+
+_DISCREPANCY: Final = 0.05
+"""Scale of the half-normal prior of the discrepancy's standard deviation, relative."""
+
+_WALKERS, _STEPS, _BURN = 48, 1500, 500
+
+
+@dataclass(frozen=True)
+class HeldOutTau:
+    """Transmission at a measured angle, predicted by panes inferred without it."""
+
+    theta_deg: float
+    measured: float
+    measured_se: float
+    predicted: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Inferred:
+    """Posterior of what was sought.
+
+    Attributes
+    ----------
+    names : [P] of the parameters.
+    samples : [N, P] from the posterior.
+    discrepancy : [N] relative, of what the maps do not tell.
+    priors : those used.
+    at_edge : names whose interval touches the end of what was traced: the data leave them open that way.
+    open : names of parameters that the data hardly narrow: the interval is over 0.7 of the prior's.
+    held_out : predictive checks.
+    slab : the pane with the medians.
+    thickness_mm : of the slab; absorption and bubbles per volume are known only times thickness.
+    emulator_error : [3] median, and 90th percentile, and largest relative error of a cell by the emulator.
+    """
+
+    names: tuple[str, ...]
+    samples: Array
+    discrepancy: Array
+    priors: Mapping[str, Prior]
+    at_edge: tuple[str, ...]
+    open: tuple[str, ...]
+    held_out: tuple[HeldOutTau, ...]
+    slab: Slab
+    thickness_mm: float
+    emulator_error: Array
+    synthetic: bool = field(default=False)
+
+    def interval(self, name: str, level: float = 0.95) -> tuple[float, float, float]:
+        """Median, and the ends of the equal-tailed interval."""
+        values = self.samples[:, self.names.index(name)]
+        low, mid, high = np.quantile(values, [0.5 - level / 2, 0.5, 0.5 + level / 2])
+        return float(mid), float(low), float(high)
+
+    @property
+    def correlation(self) -> Array:
+        """[P, P] of the logarithms."""
+        return np.atleast_2d(np.corrcoef(np.log(self.samples), rowvar=False))
+
+    @property
+    def bubble_column_per_cm2(self) -> Array | None:
+        """[N] bubbles per area of the pane; None if they were not sought."""
+        if "bubbles_per_cm3" not in self.names:
+            return None
+        return self.samples[:, self.names.index("bubbles_per_cm3")] * 0.1 * self.thickness_mm
+
+    @property
+    def twins(self) -> list[tuple[str, str, float]]:
+        """Pairs that the data cannot tell apart well: |correlation| above 0.8."""
+        c = self.correlation
+        return [
+            (self.names[i], self.names[j], float(c[i, j]))
+            for i in range(len(c))
+            for j in range(i)
+            if abs(c[i, j]) > 0.8
+        ]
+
+
+def infer(
+    slab: Slab,
+    tables: Sequence[Table],
+    *,
+    seek: Sequence[str] = PARAMETERS,
+    priors: Mapping[str, Prior] | None = None,
+    scale_error: float = 0.005,
+    hold_out: bool = True,
+    aperture_deg: float = 0.3,
+    paths: int = 100_000,
+    seed: int = 0,
+    wavelength_nm: float = 520.0,
+) -> Inferred:
+    """Infer absorption, bubbles and finest relief of a pane from its maps and its measured tables.
+
+    Parameters
+    ----------
+    slab : the pane with its maps, index and thickness. Where bubbles are sought, its first kind says how
+        their sizes spread and along which axis they are drawn out; of a pane without any, one size along y.
+    tables : measured transmission of light on the front; two angles at least.
+    seek : names of `PARAMETERS`.
+    priors : in place of those of `PRIORS`, by name.
+    scale_error : relative standard error of the scale that all tables share (calibration).
+    hold_out : whether each table but the first and the last is predicted from the others.
+    aperture_deg : full width at half maximum of the instrument's angular response.
+    paths : of each trace and angle.
+    seed : of tracing and sampling.
+    wavelength_nm : of the light.
+
+    Returns
+    -------
+    Inferred : samples of the posterior (emcee, Foreman-Mackey et al. 2013, doi:10.1086/670067).
+    """
+    seek = tuple(n for n in PARAMETERS if n in seek) if set(seek) <= set(PARAMETERS) else ()
+    given = {**PRIORS, **(priors or {})}
+    if not seek or set(given) - set(PRIORS):
+        raise PhysicsError(f"what can be sought, and have a prior, is {', '.join(PARAMETERS)}.")
+    if slab.patch is not None:
+        raise PhysicsError("the pane goes on for ever; leave [patch] out of its description.")
+    chosen = [t for t in tables if t.side == "transmission_front"]
+    if len(chosen) < 2:
+        raise CoverageError(
+            f"two tables of light transmitted from the front at least are needed, not {len(chosen)}."
+        )
+    summaries = sorted(summarise_all(chosen, isotropic=True), key=lambda s: s.table.polar_deg)
+    kept = {n: given[n] for n in seek}
+    ranges = {
+        n: (p.median * np.exp(-_REACH * p.sigma), min(p.median * np.exp(_REACH * p.sigma), _HIGHEST[n]))
+        for n, p in kept.items()
+    }
+    emulator = emulate(
+        slab,
+        summaries,
+        ranges,
+        paths=paths,
+        seed=seed,
+        wavelength_nm=wavelength_nm,
+        aperture_deg=aperture_deg,
+    )
+    data = _Data(emulator, summaries, scale_error)
+    everything = np.ones(len(summaries), bool)
+    samples, discrepancy = _sample(emulator, data, kept, ranges, everything, seed)
+    held = []
+    if hold_out:
+        for k in range(1, len(summaries) - 1):
+            others = everything.copy()
+            others[k] = False
+            held.append(_predicted(emulator, data, kept, ranges, others, k, summaries[k], seed))
+    medians = {n: float(np.median(samples[:, i])) for i, n in enumerate(seek)}
+    at_edge, wide = _verdict(seek, samples, kept, ranges)
+    return Inferred(
+        names=seek,
+        samples=samples,
+        discrepancy=discrepancy,
+        priors=kept,
+        at_edge=at_edge,
+        open=wide,
+        held_out=tuple(held),
+        slab=with_values(slab, medians),
+        thickness_mm=slab.thickness_mm,
+        emulator_error=np.quantile(emulator.error, [0.5, 0.9, 1.0]),
+        synthetic=slab.synthetic or any(t.synthetic for t in chosen),
+    )
+
+
+class _Data:
+    """Measured logarithms in the emulator's cells, and how their errors hang together."""
+
+    def __init__(self, emulator: Emulator, summaries: Sequence[Summary], scale_error: float) -> None:
+        logs, errors, middle, angle = [], [], [], []
+        for k, (cells, summary) in enumerate(zip(emulator.cells, summaries)):
+            light, noise = measured_light(summary.distribution, summary.table.polar_deg)
+            light, noise = light[cells.used], noise[cells.used]
+            if np.any(light <= 0.0):
+                raise CoverageError(
+                    f"{summary.table.file}: no light where the pane sends some; is it a table of this pane?"
+                )
+            logs.append(np.log(light))
+            errors.append(noise / light)
+            middle.append(cells.deflection_deg)
+            angle.append(np.full(light.size, k))
+        self.log_light = np.concatenate(logs)
+        self.angle = np.concatenate(angle)
+        self.own = np.concatenate(errors) ** 2 + emulator.error**2
+        ln = np.log(np.concatenate(middle))
+        alike = np.exp(-np.abs(ln[:, None] - ln) / _ALIKE)
+        self.alike = alike * np.where(self.angle[:, None] == self.angle, 1.0, _ALIKE_ANGLES)
+        self.scale = scale_error**2
+
+    def prepared(self, of: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], Array, Array]:
+        """Cells of the angles chosen, and the basis in which all parts of the covariance are diagonal.
+
+        K = s^2 A + D, D = own errors and the common scale: with D = L L^T and L^-1 A L^-T = Q w Q^T, K^-1 is
+        T^T diag(1 / (1 + s^2 w)) T with T = Q^T L^-1, and ln |K| = ln |D| + sum ln(1 + s^2 w).
+        """
+        mine = of[self.angle]
+        d = np.diag(self.own[mine]) + self.scale
+        lower = np.linalg.cholesky(d)
+        half = np.linalg.solve(lower, self.alike[np.ix_(mine, mine)])
+        w, q = np.linalg.eigh(np.linalg.solve(lower, half.T))
+        basis = np.linalg.solve(lower.T, q).T
+        return mine, np.maximum(w, 0.0), basis
+
+
+def _sample(
+    emulator: Emulator,
+    data: _Data,
+    priors: Mapping[str, Prior],
+    ranges: Mapping[str, tuple[float, float]],
+    of: NDArray[np.bool_],
+    seed: int,
+) -> tuple[Array, Array]:
+    """Samples [N, P] of the parameters and [N] of the discrepancy."""
+    import emcee
+
+    mine, w, basis = data.prepared(of)
+    observed = data.log_light[mine]
+    names = emulator.names
+    mean = np.log([priors[n].median for n in names])
+    sigma = np.array([priors[n].sigma for n in names])
+    low, high = (np.log([ranges[n][k] for n in names]) for k in (0, 1))
+
+    def log_posterior(points: Array) -> Array:
+        ln, s = points[:, :-1], np.exp(points[:, -1])
+        inside = np.all((ln >= low) & (ln <= high), axis=1) & (s > 1e-4) & (s < 0.5)
+        out = np.full(len(points), -np.inf)
+        if inside.any():
+            off = observed - emulator.log_light(np.exp(ln[inside]))[:, mine]
+            t = off @ basis.T
+            spread = 1.0 + s[inside, None] ** 2 * w
+            fit = -0.5 * np.sum(t * t / spread + np.log(spread), axis=1)
+            prior = -0.5 * np.sum(((ln[inside] - mean) / sigma) ** 2, axis=1)
+            # Half-normal in s; sampled in ln s.
+            prior += -0.5 * (s[inside] / _DISCREPANCY) ** 2 + points[inside, -1]
+            out[inside] = fit + prior
+        return out
+
+    rng = np.random.default_rng([seed, 5])
+    centre = np.append(np.clip(mean, low + 0.1 * (high - low), high - 0.1 * (high - low)), np.log(0.02))
+    start = centre + rng.normal(0.0, 0.05, (_WALKERS, centre.size))
+    start[:, :-1] = np.clip(start[:, :-1], low + 1e-3, high - 1e-3)
+    sampler = emcee.EnsembleSampler(_WALKERS, centre.size, log_posterior, vectorize=True)
+    sampler._random = np.random.RandomState(np.random.MT19937(np.random.SeedSequence([seed, 6])))
+    with task("posterior", _STEPS) as progress:
+        for _ in sampler.sample(start, iterations=_STEPS):
+            progress.advance()
+    flat = sampler.get_chain(discard=_BURN, thin=10, flat=True)
+    return np.exp(flat[:, :-1]), np.exp(flat[:, -1])
+
+
+def _predicted(
+    emulator: Emulator,
+    data: _Data,
+    priors: Mapping[str, Prior],
+    ranges: Mapping[str, tuple[float, float]],
+    others: NDArray[np.bool_],
+    k: int,
+    summary: Summary,
+    seed: int,
+) -> HeldOutTau:
+    """Transmission at angle k from what the other angles say; in the cells that are compared."""
+    samples, discrepancy = _sample(emulator, data, priors, ranges, others, seed)
+    mine = data.angle == k
+    light = np.exp(emulator.log_light(samples)[:, mine])
+    tau = light.sum(axis=1)
+    # What the discrepancy and the scale may do to the sum, given how alike neighbouring cells are.
+    share = light.mean(axis=0) / light.mean(axis=0).sum()
+    spread = np.sqrt(discrepancy**2 * (share @ data.alike[np.ix_(mine, mine)] @ share) + data.scale)
+    tau = tau * np.exp(spread * np.random.default_rng([seed, 7, k]).standard_normal(tau.size))
+    low, mid, high = np.quantile(tau, [0.025, 0.5, 0.975])
+    measured = float(np.exp(data.log_light[mine]).sum())
+    return HeldOutTau(summary.table.polar_deg, measured, summary.tau_se, float(mid), float(low), float(high))
+
+
+def _verdict(
+    names: Sequence[str],
+    samples: Array,
+    priors: Mapping[str, Prior],
+    ranges: Mapping[str, tuple[float, float]],
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names whose interval touches an end of the range, and names that the data hardly narrow."""
+    edge, wide = [], []
+    for i, name in enumerate(names):
+        ln = np.log(samples[:, i])
+        low, high = np.quantile(ln, [0.025, 0.975])
+        a, b = np.log(ranges[name])
+        if low < a + 0.03 * (b - a) or high > b - 0.03 * (b - a):
+            edge.append(name)
+        if high - low > 0.7 * min(2 * 1.96 * priors[name].sigma, b - a):
+            wide.append(name)
+    return tuple(edge), tuple(wide)
