@@ -39,8 +39,8 @@ def write_inferred(
             data[side]["micro_slope"] = values[f"micro_slope_{side}"]
     if any(n.startswith("bubble") for n in values):
         kinds = [k for k in data.get("bubbles", ()) if "list" not in k]
-        kind = kinds[0] if kinds else {"per_cm3": 1.0, "diameter_mm": {"median": 0.2}}
-        size = dict(kind["diameter_mm"])
+        kind: dict[str, Any] = kinds[0] if kinds else {"per_cm3": 1.0, "diameter_mm": {"median": 0.2}}
+        size = {**kind["diameter_mm"]}
         size["median"] = values.get("bubble_diameter_mm", size["median"])
         kind |= {
             "per_cm3": values.get("bubbles_per_cm3", kind["per_cm3"]),
