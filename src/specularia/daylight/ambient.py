@@ -13,7 +13,6 @@ import time
 import numpy as np
 from numpy.typing import NDArray
 
-from specularia.conventions import LUMINOUS_EFFICACY
 from specularia.daylight.scene import Scene
 from specularia.radiance import run
 
@@ -39,9 +38,9 @@ class Ambient:
         self._octree = scene.octree("ambient", cell=0.4 / scene.sampling)
 
     def illuminance(self, points: Array, normals: Array) -> Array:
-        """[K] lx of reflected light at points [K, 3] with normals [K, 3]."""
+        """[K, C] lx of reflected light at points [K, 3] with normals [K, 3]."""
         if len(points) == 0:
-            return np.zeros(0)
+            return np.zeros((0, self.scene.channels))
         # Runs that start in the same second draw the same numbers.
         time.sleep(1.1)
         rays = np.hstack([points, normals]).astype("<f4").tobytes()
@@ -49,7 +48,7 @@ class Ambient:
         return np.maximum(whole - self._trace("-I -ab 0", rays), 0.0)
 
     def luminance(self, origins: Array, directions: Array) -> Array:
-        """[K] cd/m2 that rays see of reflected light; one file of ambient values serves them all."""
+        """[K, C] cd/m2 that rays see of reflected light; one file of ambient values serves them all."""
         rays = np.hstack([origins, directions]).astype("<f4").tobytes()
         file = self.scene.folder / "picture.amb"
         options = f"{_PICTURE} -af {file.name}"
@@ -61,5 +60,6 @@ class Ambient:
     def _trace(self, options: str, rays: bytes) -> Array:
         workers = min(os.cpu_count() or 1, 8)
         words = f"rtrace -h -ff -n {workers} -av 0 0 0 {_SOURCES} {options} {self._octree}".split()
-        out = np.frombuffer(run(words, data=rays, cwd=self.scene.folder), "<f4").reshape(-1, 3)
-        return out[:, 1].astype(float) * LUMINOUS_EFFICACY
+        return self.scene.read(
+            np.frombuffer(run(words, data=rays, cwd=self.scene.folder), "<f4").reshape(-1, 3)
+        )

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specularia.conventions import LUMINOUS_EFFICACY
-from specularia.daylight.emission import EmissionMap
 from specularia.daylight.geometry import Box
 from specularia.daylight.obstacles import obstacle_faces
 from specularia.daylight.own_geometry import OwnRoom
@@ -56,7 +55,8 @@ class Scene:
     folder : where the files lie.
     box : the room.
     lights : what the panes emit.
-    width_deg : the least `EmissionMap.width_deg` of the maps; it sets how finely a pane is sampled.
+    width_deg : the least `EmissionMap.width_deg` of the maps, whatever their band; it sets how finely a pane
+        is sampled.
     sampling : density of points on the panes, times the quick one.
     """
 
@@ -70,43 +70,58 @@ class Scene:
     def make(cls, folder: Path, box: Box | OwnRoom, lights: Lights, *, sampling: float) -> Scene:
         """Write the emission maps and the walls."""
         (folder / "pane.cal").write_text(_CAL)
-        for k, m in enumerate(lights.maps):
-            (folder / f"map{k}.dat").write_text(_data(m))
+        for k, bands in enumerate(zip(*(b.maps for b in lights.bands), strict=True)):
+            values = lights.channels([m.luminance for m in bands])
+            for c, name in enumerate(_files(k, lights)):
+                (folder / name).write_text(_data(bands[0].s, bands[0].t, values[..., c]))
         (folder / "walls.rad").write_text(
             box.text + _obstacles(box) if isinstance(box, OwnRoom) else walls(box)
         )
-        lit = [m.width_deg() for m in lights.maps if m.luminance.max() > 0]
+        lit = [m.width_deg() for b in lights.bands for m in b.maps if m.luminance.max() > 0]
         return cls(folder, box, lights, min(lit, default=90.0), sampling)
 
     def octree(self, name: str, *, cell: float, shift: tuple[float, float] = (0.0, 0.0)) -> str:
         """Make an octree with the panes cut into cells of about `cell` metres; returns its file name."""
-        text = "".join(_light(k, one, self.box, cell, shift) for k, one in enumerate(self.lights.lights))
+        text = "".join(
+            _light(k, one, _files(one.map, self.lights), self.box, cell, shift)
+            for k, one in enumerate(self.lights.lights)
+        )
         (self.folder / f"{name}.rad").write_text(text)
         octree = run(["oconv", "-f", "walls.rad", f"{name}.rad"], cwd=self.folder)
         (self.folder / f"{name}.oct").write_bytes(octree)
         return f"{name}.oct"
 
     def illuminance(self, octree: str, points: Array, normals: Array, *, fineness: float = 1.0) -> Array:
-        """[K] lx straight from the panes at points [K, 3] with normals [K, 3].
+        """[K, C] lx straight from the panes at points [K, 3] with normals [K, 3]; C as in `colour`.
 
         Points on a pane lie so densely that neighbours are seen under `width_deg` / (2 `fineness`) at most.
         """
         if len(points) == 0:
-            return np.zeros(0)
+            return np.zeros((0, self.channels))
         data = np.hstack([points, normals]).astype("<f4").tobytes()
         out = run(["rtrace", "-h", "-I", "-ff", *self._options(fineness), octree], data=data, cwd=self.folder)
-        return np.frombuffer(out, "<f4").reshape(-1, 3)[:, 1].astype(float) * LUMINOUS_EFFICACY
+        return self.read(np.frombuffer(out, "<f4").reshape(-1, 3))
+
+    @property
+    def channels(self) -> int:
+        """1, or 3 in colour."""
+        return 1 if self.lights.chroma is None else 3
+
+    def read(self, values: Array) -> Array:
+        """[K, C] lx or cd/m2 of what Radiance says, [K, 3] in watts; of grey light one channel is kept."""
+        kept = values[:, 1:2] if self.channels == 1 else values
+        return kept.astype(float) * LUMINOUS_EFFICACY
 
     def look(
         self, octree: str, origins: Array, directions: Array, *, fineness: float = 1.0
     ) -> tuple[Array, Array]:
-        """Luminance [K] in cd/m2 by light straight from the panes, and the points hit [K, 3]."""
+        """[K, C] cd/m2 by light straight from the panes, and the points hit [K, 3]."""
         data = np.hstack([origins, directions]).astype("<f4").tobytes()
         command = ["rtrace", "-h", "-ff", "-ovp", *self._options(fineness), octree]
         out = np.frombuffer(run(command, data=data, cwd=self.folder), "<f4").reshape(-1, 6).astype(float)
         points = out[:, 3:]
         self._check_closed(points)
-        return out[:, 1] * LUMINOUS_EFFICACY, points
+        return self.read(out[:, :3]), points
 
     def hits(self, octree: str, origins: Array, directions: Array) -> Array:
         """[K, 3] points that rays meet, without any light: rtrace casts them only."""
@@ -136,10 +151,15 @@ class Scene:
         ).split()
 
 
-def _data(m: EmissionMap) -> str:
-    """An emission map as a Radiance data file of radiances."""
-    head = [f"0 0 {a.size}\n" + "\n".join(f"{v:.7g}" for v in a) for a in (m.s, m.t)]
-    rows = (" ".join(f"{v:.6g}" for v in row) for row in m.luminance / LUMINOUS_EFFICACY)
+def _files(number: int, lights: Lights) -> list[str]:
+    """Names of the data files of a map: one, or one for each of R, G and B."""
+    return [f"map{number}{c}.dat" for c in ([""] if lights.chroma is None else "rgb")]
+
+
+def _data(s: Array, t: Array, luminance: Array) -> str:
+    """An emission map, or a channel of one, as a Radiance data file of radiances."""
+    head = [f"0 0 {a.size}\n" + "\n".join(f"{v:.7g}" for v in a) for a in (s, t)]
+    rows = (" ".join(f"{v:.6g}" for v in row) for row in luminance / LUMINOUS_EFFICACY)
     return "2\n" + "\n".join(head) + "\n" + "\n".join(rows) + "\n"
 
 
@@ -153,8 +173,8 @@ def walls(box: Box) -> str:
     """Everything opaque, as even scatterers; where a pane belongs there is a hole."""
     text = []
     for number, face in enumerate(box.faces.values()):
-        r = face.reflectance
-        text.append(f"void plastic face{number}\n0\n0\n5 {r:.9g} {r:.9g} {r:.9g} 0 0\n\n")
+        shade = " ".join(f"{r:.9g}" for r in face.rgb)
+        text.append(f"void plastic face{number}\n0\n0\n5 {shade} 0 0\n\n")
         for k, cell in enumerate(box.cells(face.name, 1e9, follow=True)):
             if cell.part < 0:
                 q = cell.rectangle
@@ -174,13 +194,17 @@ def _obstacles(box: OwnRoom) -> str:
     return "".join(text)
 
 
-def _light(index: int, light: Light, box: Box | OwnRoom, cell: float, shift: tuple[float, float]) -> str:
-    """Part of a pane as light polygons whose normals point into the room."""
+def _light(
+    index: int, light: Light, files: list[str], box: Box | OwnRoom, cell: float, shift: tuple[float, float]
+) -> str:
+    """Part of a pane as light polygons whose normals point into the room; `files` hold its map."""
     pane = box.panes[light.pane]
     x, y, out = pane.axes
     numbers = " ".join(f"{c:.9g}" for c in np.concatenate([x, y, -out]))
+    pattern = "brightdata" if len(files) == 1 else "colordata"
+    words = ["noop"] * len(files) + [*files, "pane.cal", "pane_s", "pane_t"]
     text = [
-        f"void brightdata map{index}\n5 noop map{light.map}.dat pane.cal pane_s pane_t\n0\n9 {numbers}\n\n",
+        f"void {pattern} map{index}\n{len(words)} {' '.join(words)}\n0\n9 {numbers}\n\n",
         f"map{index} light glow{index}\n0\n0\n3 1 1 1\n\n",
     ]
     face, g = box.faces[pane.face], light.rectangle
