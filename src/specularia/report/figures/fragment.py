@@ -82,7 +82,7 @@ def fragment_pictures(
         panel.text(x0 + 5.0, y0 + 0.7, "10 mm", ha="center", va="bottom", fontsize=6.0, zorder=4)
         bar = figure.colorbar(image, ax=axes, fraction=0.03, pad=0.015, shrink=0.9, extend="max")
         bar.set_label("luminance L (cd/m²)")
-        bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:,.4g}"))
+        bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: style.number(v)))
         numbers: dict[str, object] = {}
         for k, picture in enumerate(pictures):
             numbers |= {
