@@ -385,8 +385,9 @@ class Geometry(Job):
     materials: FilePath | None = None
     """A Radiance file with the materials that an OBJ file names."""
     pane_materials: Annotated[tuple[Name, ...], Field(min_length=1)]
-    """Materials of the panes: rectangles whose normals point into the room. They need no definition. Light
-    from the room is not reflected by them."""
+    """Materials of the panes: rectangles whose normals point into the room. They need no definition."""
+    pane_reflectance: Share | None = None
+    """As of [[window]]."""
 
 
 class Quality(Job):

@@ -155,7 +155,7 @@ def run(
             progress.advance()
             with tempfile.TemporaryDirectory(prefix="specularia-room-") as scratch:
                 scene = Scene.make(Path(scratch), box, emitted, sampling=sampling)
-                light = [_interreflection(scene, m) for m in meshes]
+                light = [_interreflection(scene, m, k) for k, m in enumerate(meshes)]
                 progress.advance()
                 control = Scene.make(
                     make_folder(Path(scratch) / "control"), box, emitted.coarsened(), sampling=sampling
@@ -223,9 +223,9 @@ def _field(light: Interreflection | Ambient, spacing: float) -> IndirectField | 
     return light if isinstance(light, Ambient) else IndirectField(light.mesh.box, light, spacing)
 
 
-def _interreflection(scene: Scene, m: Mesh | None) -> Interreflection | Ambient:
+def _interreflection(scene: Scene, m: Mesh | None, number: int = 0) -> Interreflection | Ambient:
     if m is None:
-        return Ambient(scene)
+        return Ambient(scene, number)
     octree = scene.octree("coarse", cell=(0.14 if scene.box.has_niches else 0.28) / scene.sampling)
     points, normals = m.points.reshape(-1, 3), m.normals.reshape(-1, 3)
     lifted = m.box.lifted(points)

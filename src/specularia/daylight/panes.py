@@ -148,11 +148,16 @@ def _other_bands(model: ScatteringModel) -> tuple[ScatteringModel, ScatteringMod
 
 @dataclass(frozen=True)
 class Light:
-    """Part of a pane that emits evenly: pane and map by their indices, and where on the glazing's face."""
+    """Part of a pane that emits evenly.
+
+    Pane and map by their indices, where it lies on the glazing's face, and the share of the sun that nothing
+    outside keeps from it.
+    """
 
     pane: int
     map: int
     rectangle: Rectangle
+    sun: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -207,6 +212,19 @@ class Lights:
         """The lights of a pane."""
         return [light for light in self.lights if light.pane == pane]
 
+    def blurred(self, box: Box | OwnRoom) -> Lights:
+        """With beams as lobes of some degrees in the maps, for light that is reflected further on."""
+        if self.sun_direction is None or not np.any(self.beam > 0.0):
+            return self
+        maps = list(self.maps)
+        for light in {light.map: light for light in self.lights if self.beam[light.pane] > 0.0}.values():
+            towards = box.panes[light.pane].axes @ self.sun_direction
+            lit = light.sun * float(self.beam[light.pane]) * float(towards[2])
+            if lit > 0.0:
+                maps[light.map] = maps[light.map].with_lobe(towards, lit)
+        chroma = self.chroma and (self.chroma[0].blurred(box), self.chroma[1].blurred(box))
+        return replace(self, maps=maps, chroma=chroma)
+
     def coarsened(self) -> Lights:
         """The same light on every second node of the maps."""
         maps = [m.coarsened() for m in self.maps]
@@ -216,7 +234,9 @@ class Lights:
 
 def _given(box: Box | OwnRoom, pane: Pane) -> float | None:
     """The reflectance that the job gives a pane."""
-    return box.job.window[pane.window].pane_reflectance if box.job.window else None
+    if box.job.geometry is not None:
+        return box.job.geometry.pane_reflectance
+    return box.job.window[pane.window].pane_reflectance
 
 
 def lights(
@@ -282,7 +302,10 @@ def _band(
         else:
             area = np.array([place.area for place in shaded.places])
             share[index] = float(area @ shaded.sun / area.sum())
-            found += [Light(index, first + k, place) for k, place in enumerate(shaded.places)]
+            found += [
+                Light(index, first + k, place, float(s))
+                for k, (place, s) in enumerate(zip(shaded.places, shaded.sun))
+            ]
             if dark and not shaded.instead.any():
                 maps += [replace(sun, luminance=s * sun.luminance) for s in shaded.sun]
             else:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,6 @@ from specularia.daylight.colour import shown
 from specularia.daylight.geometry import Box
 from specularia.daylight.interreflection import Interreflection
 from specularia.daylight.scene import Scene
-from specularia.errors import SpeculariaWarning
 from specularia.files import atomic
 from specularia.radiance import run
 
@@ -273,22 +271,39 @@ def _bilinear(corners: Array, y: Array, x: Array) -> Array:
 
 def _from_files(camera: Camera, scene: Scene, octree: str, ambient: Ambient, fineness: float) -> Array:
     """`render` in a room of the user's own: two by two rays a pixel."""
-    if np.any(scene.lights.beam > 0.0):
-        warnings.warn(
-            "in a room from files, pictures through no glass and through a clear slab lack the patch of "
-            "undeflected sun (points have it).",
-            SpeculariaWarning,
-            stacklevel=2,
-        )
     columns, rows = camera.size_px
     k = np.array([0.25, 0.75])
     c, r = np.meshgrid((np.arange(columns)[:, None] + k).ravel(), (np.arange(rows)[:, None] + k).ravel())
     origins, directions, inside = camera.rays(c.ravel(), r.ravel())
     origins, directions = origins[inside], directions[inside]
     light = np.zeros((inside.size, scene.channels))
-    light[inside] = scene.look(octree, origins, directions, fineness=fineness)[0]
-    light[inside] += ambient.luminance(origins, directions)
+    seen, points = scene.look(octree, origins, directions, fineness=fineness)
+    seen += ambient.luminance(origins, directions)
+    if np.any(scene.lights.beam > 0.0):
+        rho, at, normals = scene.diffuse(origins, directions)
+        met = np.flatnonzero(np.isfinite(at).all(axis=1) & (rho.max(axis=1) > 0.0))
+        # What a ray meets beyond a pane, which is no hole here, is not in the room.
+        met = met[np.abs(at[met] - points[met]).max(axis=1) < 1e-3]
+        lit = beam_illuminance(scene.box, scene.lights, at[met], normals[met])
+        seen[met] += rho[met] / np.pi * lit
+    seen += _on_panes(scene, octree, points)
+    light[inside] = seen
     return np.asarray(light.reshape(rows, 2, columns, 2, -1).mean(axis=(1, 3)))
+
+
+def _on_panes(scene: Scene, octree: str, points: Array) -> Array:
+    """[K, C] cd/m2 at points on panes by light straight from other panes: sources reflect nothing."""
+    out = np.zeros((len(points), scene.channels))
+    if len(scene.box.panes) < 2:
+        return out
+    for k, pane in enumerate(scene.box.panes):
+        face = scene.box.faces[pane.face]
+        u, v, height = face.coordinates(points)
+        here = np.flatnonzero(pane.glass.holds(u, v) & (np.abs(height) < 1e-4))
+        normals = np.broadcast_to(face.normal, (here.size, 3))
+        light = scene.illuminance(octree, points[here] + 1e-4 * face.normal, normals)
+        out[here] = scene.lights.pane_reflectance[k] / np.pi * light
+    return out
 
 
 def write_hdr(path: Path, picture: Array, camera: Camera, *, what: str) -> Path:

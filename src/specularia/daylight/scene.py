@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specularia.conventions import LUMINOUS_EFFICACY
-from specularia.daylight.geometry import Box
+from specularia.daylight.geometry import Box, Pane
 from specularia.daylight.obstacles import obstacle_faces
 from specularia.daylight.own_geometry import OwnRoom
 from specularia.daylight.panes import Light, Lights
@@ -67,16 +67,29 @@ class Scene:
     sampling: float
 
     @classmethod
-    def make(cls, folder: Path, box: Box | OwnRoom, lights: Lights, *, sampling: float) -> Scene:
-        """Write the emission maps and the walls."""
+    def make(
+        cls, folder: Path, box: Box | OwnRoom, lights: Lights, *, sampling: float, plates: bool = False
+    ) -> Scene:
+        """Write the emission maps and the walls.
+
+        With `plates` the panes reflect light from the room, which Radiance's light sources do not: a thin
+        sheet of trans before each scatters back its reflectance, and its map makes up for what the sheet
+        takes.
+        """
         (folder / "pane.cal").write_text(_CAL)
         for k, bands in enumerate(zip(*(b.maps for b in lights.bands), strict=True)):
             values = lights.channels([m.luminance for m in bands])
+            if plates:
+                pane = next(light.pane for light in lights.lights if light.map == k)
+                values = values / _plate(lights.pane_reflectance[pane])[1]
             for c, name in enumerate(_files(k, lights)):
                 (folder / name).write_text(_data(bands[0].s, bands[0].t, values[..., c]))
         (folder / "walls.rad").write_text(
             box.text + _obstacles(box) if isinstance(box, OwnRoom) else walls(box)
         )
+        if plates:
+            with (folder / "walls.rad").open("a") as f:
+                f.writelines(_sheet(k, pane, box, lights) for k, pane in enumerate(box.panes))
         lit = [m.width_deg() for b in lights.bands for m in b.maps if m.luminance.max() > 0]
         return cls(folder, box, lights, min(lit, default=90.0), sampling)
 
@@ -131,6 +144,25 @@ class Scene:
         self._check_closed(points)
         return points
 
+    def diffuse(self, origins: Array, directions: Array) -> tuple[Array, Array, Array]:
+        """What rays meet if the panes are holes: diffuse reflectance [K, C], points and unit normals [K, 3].
+
+        The reflectance is the radiance in even light of radiance 1. Normals face the ray; nothing met is NaN.
+        """
+        octree = run(["oconv", "-f", "walls.rad"], cwd=self.folder)
+        (self.folder / "bare.oct").write_bytes(octree)
+        data = np.hstack([origins, directions]).astype("<f4").tobytes()
+        even = ["-ab", "0", "-av", "1", "1", "1", "-aw", "0", "-lr", "0", "-st", "1"]
+        command = ["rtrace", "-h", "-ff", "-w", "-ovpN", *even, "bare.oct"]
+        out = np.frombuffer(run(command, data=data, cwd=self.folder), "<f4").reshape(-1, 9).astype(float)
+        rho, points, normals = self.read(out[:, :3]) / LUMINOUS_EFFICACY, out[:, 3:6], out[:, 6:]
+        away = np.sum(normals * directions, axis=1, keepdims=True) > 0.0
+        normals = np.where(away, -normals, normals)
+        met = (np.linalg.norm(normals, axis=1, keepdims=True) > 0.5) & (np.abs(points) < 1e9).all(
+            axis=1, keepdims=True
+        )
+        return np.where(met, rho, 0.0), np.where(met, points, np.nan), np.where(met, normals, np.nan)
+
     def _check_closed(self, points: Array) -> None:
         """Refuse view rays that left the box. A room from files may have openings."""
         if isinstance(self.box, OwnRoom):
@@ -149,6 +181,29 @@ class Scene:
         return (
             f"-n {workers} -ab 0 -av 0 0 0 -dj 0 -dt 0 -dc 1 -dr 0 -ds {spacing:.5f} -st 1 -ss 0 -lr 4 -lw 0"
         ).split()
+
+
+_PLATE_M = 1e-4
+"""Metres from a pane to the sheet that reflects in its place."""
+
+
+def _plate(rho: Array) -> tuple[Array, Array, float]:
+    """Colour [C] and transmission [C] of a sheet of trans that scatters back rho [C], and its share T.
+
+    Such a sheet scatters back C (1 - T) and lets C T pass straight.
+    """
+    most = float(np.clip(rho.max(), 1e-3, 0.95))
+    colour = np.clip(rho, 0.02 * most, None) / most
+    return colour, colour * (1.0 - most), 1.0 - most
+
+
+def _sheet(number: int, pane: Pane, box: Box | OwnRoom, lights: Lights) -> str:
+    colour, _, through = _plate(lights.pane_reflectance[number])
+    shade = " ".join(f"{c:.9g}" for c in np.broadcast_to(colour, (3,)))
+    face, g = box.faces[pane.face], pane.glass
+    corners = face.point(np.array([g.u0, g.u1, g.u1, g.u0]), np.array([g.v0, g.v0, g.v1, g.v1]))
+    material = f"void trans plate{number}\n0\n0\n7 {shade} 0 0 {through:.9g} 1\n\n"
+    return material + polygon(f"plate{number}", f"plate{number}.0", corners + _PLATE_M * face.normal)
 
 
 def _files(number: int, lights: Lights) -> list[str]:

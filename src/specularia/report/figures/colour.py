@@ -40,9 +40,9 @@ def colour_pictures(images: Sequence[Image], path: str | Path, *, synthetic: boo
     """Draw rooms in colour, one panel for each image, all with one exposure.
 
     The brightest channel of each pixel is drawn in by Reinhard's global operator, v (1 + v / v_white^2) /
-    (1 + v), with v counted from the geometric mean of all images and white at the brightest pixel (Reinhard et
-    al. 2002, doi:10.1145/566654.566575); the others follow, so that chromaticities stay. White of equal energy,
-    the sun's and the sky's here, is the screen's white (Bradford's adaptation).
+    (1 + v), with v counted from the geometric mean of all images and white at the brightest pixel (Reinhard
+    et al. 2002, doi:10.1145/566654.566575); the others follow, so that chromaticities stay. White of equal
+    energy, the sun's and the sky's here, is the screen's white (Bradford's adaptation).
 
     Parameters
     ----------
