@@ -170,7 +170,7 @@ def test_round_things_are_counted_as_shading_nothing(tmp_path: Path) -> None:
 
 def test_undeflected_sun_and_what_it_sheds_on_are_in_a_room_from_files_as_in_the_box(tmp_path: Path) -> None:
     """Points in and beside the sun's patch, and the picture of the floor, through a clear slab."""
-    inside, beside = (2.5 - np.tan(np.radians(20.0)) * 1.5, 1.5, 0.001), (0.8, 3.0, 0.001)
+    inside, beside = (3.03, 1.46, 0.001), (0.8, 3.0, 0.001)
     view = {
         "name": "v",
         "position_m": [2.0, 3.2, 1.6],
@@ -190,8 +190,10 @@ def test_undeflected_sun_and_what_it_sheds_on_are_in_a_room_from_files_as_in_the
     found = daylight.run(own(file, geometry=geometry, **more), folder=tmp_path / "own")
     box = daylight.run(room(reflectance={**GREY, "frames": 0.0}, **more), folder=tmp_path / "box")
     for a, b in zip(found.points, box.points):
-        assert a.illuminance_lx == pytest.approx(b.illuminance_lx, rel=0.03)
-        assert a.indirect_lx == pytest.approx(b.indirect_lx, rel=0.06)
+        assert a.illuminance_lx - a.indirect_lx == pytest.approx(b.illuminance_lx - b.indirect_lx, rel=1e-3)
+        # Sampling by chance finds the patch's light with some percent of noise.
+        assert a.indirect_lx == pytest.approx(b.indirect_lx, rel=0.1)
+    assert found.points[0].direct_lx > 1e4 > 10 > found.points[1].direct_lx
     one, two = found.images[0].luminance, box.images[0].luminance
     assert two.max() > 50 * np.median(two)
     assert one.mean() == pytest.approx(two.mean(), rel=0.05)
