@@ -14,7 +14,7 @@ from specularia.daylight._grid import bilinear
 from specularia.daylight.ambient import Ambient
 from specularia.daylight.beam import beam_illuminance
 from specularia.daylight.camera import Camera
-from specularia.daylight.colour import shown
+from specularia.daylight.colour import luminous, shown
 from specularia.daylight.geometry import Box
 from specularia.daylight.interreflection import Interreflection
 from specularia.daylight.scene import Scene
@@ -27,6 +27,9 @@ Array = NDArray[np.float64]
 
 _FINE: Array = (np.arange(3) + 0.5) / 3
 """Places within a pixel, across and down, of the rays of pixels in which surfaces meet."""
+
+_STEP_OF_BEAM = 0.1
+"""Change of the light from one pixel to the next, over the greater, that tells a border of direct sun."""
 
 _NOTHING = -1_000_000
 """Number of no surface: outside the circle of a fisheye."""
@@ -132,12 +135,16 @@ def render(
     panes = glass.reshape(rows, columns)
     direct = filled(kind, lambda rr, cc: straight(np.add(cc, 0.5), np.add(rr, 0.5)), panes, channels=channels)
     picture = direct + reflected.reshape(rows, columns, channels)
-    edge = np.zeros(kind.shape, dtype=bool)
+    level, edge = luminous(reflected).reshape(rows, columns), np.zeros(kind.shape, dtype=bool)
     for one, other in (
         (np.s_[1:, :], np.s_[:-1, :]),
         (np.s_[:, 1:], np.s_[:, :-1]),
     ):
         differs = kind[one] != kind[other]
+        if np.any(scene.lights.beam > 0.0):
+            # Reflected light changes slowly on a surface; a step is the border of a sunbeam's patch.
+            a, b = level[one], level[other]
+            differs |= np.abs(a - b) > _STEP_OF_BEAM * np.maximum(a, b)
         edge[one] |= differs
         edge[other] |= differs
     er, ec = np.nonzero(edge)
