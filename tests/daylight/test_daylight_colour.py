@@ -5,6 +5,7 @@ from __future__ import annotations
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,11 @@ from daylight_models import Diffuser, Lobe, room, sensors
 
 from specularia import bsdf, daylight
 from specularia.daylight.colour import RGB_TO_XYZ, chromaticity, colour_temperature, shown, to_rgb, to_xyz
+from specularia.daylight.fragment_job import FragmentJob
 from specularia.errors import CoverageError, SpeculariaWarning
 from specularia.radiance import run
+from specularia.report import figures
+from specularia.report.figures.colour import screen
 
 UP = (0.0, 0.0, 1.0)
 QUICK = daylight.Quality(sampling=0.5, repeats=2)
@@ -227,3 +231,42 @@ def test_a_file_of_two_bands_is_refused_and_files_of_single_bands_are_joined(tmp
     assert lit.points[0].chromaticity_xy == pytest.approx(tuple(np.array(AMBER[:2]) / sum(AMBER)), abs=1e-5)
     with pytest.raises(ValueError, match="cie_x and cie_z together"):
         room(model=[{"name": "m", "file": files["file"], "cie_x": files["cie_x"]}])
+
+
+def test_a_fragment_of_three_bands_is_seen_in_the_colour_that_it_gives_to_white(tmp_path: Path) -> None:
+    """Bare paper stays white; under an even diffuser on grey paper light passes twice, once for each way."""
+    job = {
+        "sheet": {"pattern": "bars", "stroke_mm": 0.5, "paper": 0.5, "ink": 0.4999},
+        "sample": {"reflectance": 0.0, "outline_mm": [[-90, -90], [90, -90], [90, 90], [-90, 90]]},
+        "picture": {"pixel_mm": 1.0, "border_mm": 30.0},
+        "gap_mm": [0.0],
+    }
+    seen = daylight.look_through(
+        FragmentJob.model_validate(job),
+        models={"amber": coloured(Diffuser(1.0), AMBER), "y": Scaled(Diffuser(1.0), AMBER[1], "Visible")},
+    )
+    amber, grey = seen.pictures
+    assert grey.xyz is None and amber.xyz is not None
+    assert amber.luminance == pytest.approx(grey.luminance, rel=1e-12)
+    middle, corner = (amber.xyz[k, k] for k in (amber.xyz.shape[0] // 2, 0))
+    assert corner / corner[1] == pytest.approx([1, 1, 1], abs=0.05)
+    assert middle / middle[1] == pytest.approx((np.array(AMBER) / AMBER[1]) ** 2, rel=0.01)
+    path = figures.fragment_pictures(seen.pictures, tmp_path / "f.png", synthetic=True)
+    with np.load(path.with_suffix(".npz")) as held:
+        assert held["xyz_0"].shape == amber.xyz.shape and "xyz_1" not in held
+
+
+def test_pictures_in_colour_keep_hues_and_show_grey_as_grey(tmp_path: Path) -> None:
+    luminance = np.geomspace(1.0, 3000.0, 12).reshape(3, 4)
+    amber = luminance[..., None] * np.array(AMBER) / AMBER[1]
+    grey = np.repeat(luminance[..., None], 3, axis=2)
+    one, two = screen([amber, grey])
+    assert two == pytest.approx(np.repeat(two[..., :1], 3, axis=2), abs=2e-3)
+    assert np.all(np.diff(two[..., 0].ravel()) > 0.0)
+    assert (
+        one[..., 0].max() <= 1.0 and np.all(one[..., 0] > one[..., 1]) and np.all(one[..., 1] > one[..., 2])
+    )
+    images = [SimpleNamespace(model=m, luminance=luminance, xyz=x) for m, x in (("a", amber), ("b", None))]
+    path = figures.colour_pictures(images, tmp_path / "c.png")
+    with np.load(path.with_suffix(".npz")) as held:
+        assert held["xyz_1"][..., 0] == pytest.approx(luminance, rel=1e-6)

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from specularia.bsdf import ScatteringModel
-from specularia.daylight.checks import check_room
+from specularia.daylight.checks import room_of
 from specularia.daylight.colour import Coloured
-from specularia.daylight.geometry import Box
 from specularia.daylight.job import Quality, RoomJob
 from specularia.daylight.lit import run
 from specularia.daylight.moment import Dark, at, position_at
@@ -204,7 +203,7 @@ def day(
             key = _key(then, named, seed) if len(inputs) == len(given) else None
             held = _kept(place, key)
             if held is None:
-                glazing = glazing or named_glazing(job, models or {})
+                glazing = glazing or named_glazing(job.model, models or {})
                 with _sun_may_be_behind():
                     result = run(then, models=glazing, folder=place, seed=seed)
                 held = _held(result)
@@ -296,7 +295,7 @@ def _sorted(job: RoomJob, times: Sequence[Time], file: Path) -> tuple[list[RoomJ
         )
     with _sun_may_be_behind():
         for then in lit:
-            check_room(Box(then), file)
+            room_of(then, file)
     return lit, dark
 
 

@@ -84,7 +84,7 @@ def run(
         job = job.model_copy(update={"quality": quality})
     job = at(job, file=file)
     box = room_of(job, file)
-    held = named_glazing(job, models or {})
+    held = named_glazing(job.model, models or {})
     held.update({name: reference(name) for name in job.references})
     if not held:
         raise FormatError(

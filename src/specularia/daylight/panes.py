@@ -13,7 +13,7 @@ from specularia.bsdf import ScatteringModel, XmlModel
 from specularia.daylight.colour import Coloured, to_rgb
 from specularia.daylight.emission import EmissionMap, back_reflectance, sun_map
 from specularia.daylight.geometry import Box, Pane, Rectangle
-from specularia.daylight.job import RoomJob
+from specularia.daylight.job import ModelFile
 from specularia.daylight.outdoors import Outdoors
 from specularia.daylight.own_geometry import OwnRoom
 from specularia.daylight.shading import Outside, Shaded
@@ -118,14 +118,14 @@ class Glazing:
 
 
 def named_glazing(
-    job: RoomJob, models: Mapping[str, ScatteringModel | Coloured | Glazing | str | Path]
+    files: Sequence[ModelFile], models: Mapping[str, ScatteringModel | Coloured | Glazing | str | Path]
 ) -> dict[str, Glazing]:
-    """The models under comparison: those of a job, then the given ones, which take the place of namesakes."""
+    """The models under comparison: those of files, then the given ones, which take the place of namesakes."""
     own = {
         m.name: Glazing.of(models[m.name])
         if m.name in models
         else Glazing.of(m.file, cie_x=m.cie_x, cie_z=m.cie_z)
-        for m in job.model
+        for m in files
     }
     return own | {name: Glazing.of(m) for name, m in models.items() if name not in own}
 

@@ -79,10 +79,12 @@ def _fisheye(image: Image) -> bool:
     return getattr(getattr(image, "view", None), "kind", "") == "fisheye"
 
 
-def screen(tristimuli: Sequence[Array]) -> list[Array]:
+def screen(tristimuli: Sequence[Array], *, white: float | None = None) -> list[Array]:
     """sRGB values from 0 to 1 of pictures [rows, columns, 3] in X, Y, Z, all exposed alike.
 
-    Colours beyond sRGB are drawn towards grey of the same luminance.
+    With `white` in cd/m2 the scale is linear up to this luminance and brighter channels are cut off; without
+    it brightness is compressed, see `colour_pictures`. Colours beyond sRGB are drawn towards grey of the same
+    luminance.
     """
     adapted = np.linalg.inv(_BRADFORD) @ np.diag(_BRADFORD @ _D65 / (_BRADFORD @ np.ones(3))) @ _BRADFORD
     linear = []
@@ -91,16 +93,18 @@ def screen(tristimuli: Sequence[Array]) -> list[Array]:
         low = rgb.min(axis=-1, keepdims=True)
         share = np.divide(grey, grey - low, out=np.ones_like(grey), where=low < 0.0)
         linear.append(np.maximum(grey + share * (rgb - grey), 0.0))
+    if white is not None:
+        return [_encoded(rgb / white) for rgb in linear]
     peaks = np.concatenate([v.max(axis=-1).ravel() for v in linear])
     lit = peaks[peaks > 0.0]
     if lit.size == 0:
         return linear
     scale = _KEY / float(np.exp(np.mean(np.log(lit))))
-    white = scale * float(lit.max())
+    most = scale * float(lit.max())
     out = []
     for rgb in linear:
         v = scale * rgb.max(axis=-1, keepdims=True)
-        level = v * (1.0 + v / white**2) / (1.0 + v)
+        level = v * (1.0 + v / most**2) / (1.0 + v)
         out.append(_encoded(rgb * np.divide(level, v / scale, out=np.zeros_like(v), where=v > 0.0)))
     return out
 
