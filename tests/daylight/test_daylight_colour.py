@@ -176,10 +176,16 @@ def no_visible_band() -> Any:
     return pytest.warns(SpeculariaWarning, match="no Visible band; CIE-Y is used")
 
 
-def klems_of_three_bands(path: Path, *, y: str) -> None:
-    """A file of somebody else's: even scatterers, each band with a transmission of its own, as matrices."""
+def klems_of_three_bands(path: Path, *, y: str, uv: bool = False) -> None:
+    """A file of somebody else's: even scatterers, each band with a transmission of its own, as matrices.
+
+    With `uv` the chromaticity stands in bands CIE-u and CIE-v, which hold u' and v' themselves.
+    """
     n = 145
     text, held = [], dict(zip(("CIE-X", y, "CIE-Z"), AMBER))
+    if uv:
+        whole = AMBER[0] + 15 * AMBER[1] + 3 * AMBER[2]
+        held = {y: AMBER[1], "CIE-u": np.pi * 4 * AMBER[0] / whole, "CIE-v": np.pi * 9 * AMBER[1] / whole}
     for band, tau in held.items():
         values = ", ".join([f"{tau / np.pi:.9f}"] * (n * n))
         text += [
@@ -200,14 +206,16 @@ def klems_of_three_bands(path: Path, *, y: str) -> None:
     )
 
 
-@pytest.mark.parametrize("y", ["Visible", "CIE-Y"])
-def test_a_file_of_three_bands_from_anyone_lights_the_room_in_colour(tmp_path: Path, y: str) -> None:
-    klems_of_three_bands(tmp_path / "amber.xml", y=y)
+@pytest.mark.parametrize(("y", "uv"), [("Visible", False), ("CIE-Y", False), ("Visible", True)])
+def test_a_file_of_three_bands_from_anyone_lights_the_room_in_colour(
+    tmp_path: Path, y: str, uv: bool
+) -> None:
+    klems_of_three_bands(tmp_path / "amber.xml", y=y, uv=uv)
     job = room(sky=SKY, sensor=PLACES[:1])
     with no_visible_band() if y == "CIE-Y" else nullcontext():
         lit = daylight.run(job, models={"amber": tmp_path / "amber.xml"}, quality=QUICK)
     assert lit.points[0].chromaticity_xy == pytest.approx(tuple(np.array(AMBER[:2]) / sum(AMBER)), abs=1e-5)
-    if y == "CIE-Y":
+    if y == "CIE-Y" or uv:
         return
     again = bsdf.write(bsdf.read(tmp_path / "amber.xml"), tmp_path / "again.xml")
     same = daylight.run(job, models={"amber": again.path}, quality=QUICK)

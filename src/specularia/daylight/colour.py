@@ -13,15 +13,16 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize_scalar
 
-from specularia.bsdf import ScatteringModel
+from specularia.bsdf import Quadrature, ScatteringModel
 
 __all__ = [
     "LUMINANCE",
     "RGB_TO_XYZ",
     "Coloured",
+    "UvBand",
     "chromaticity",
     "colour_temperature",
     "luminous",
@@ -68,6 +69,47 @@ class Coloured:
     x: ScatteringModel
     y: ScatteringModel
     z: ScatteringModel
+
+
+class UvBand:
+    """X or Z of a model that states Y and the chromaticity (u', v') of CIE 1976, as trees in colour do.
+
+    X = Y 9 u' / (4 v'), Z = Y (12 - 3 u' - 20 v') / (4 v').
+
+    Parameters
+    ----------
+    y, u, v : models of Y, u' and v'.
+    band : CIE-X or CIE-Z.
+    """
+
+    def __init__(self, y: ScatteringModel, u: ScatteringModel, v: ScatteringModel, *, band: str) -> None:
+        self._y, self._u, self._v, self.band = y, u, v, band
+        self.sides = tuple(s for s in y.sides if s in u.sides and s in v.sides)
+
+    def evaluate(
+        self, side: str, theta_i_deg: ArrayLike, phi_i_deg: ArrayLike, ux: ArrayLike, uy: ArrayLike
+    ) -> Array:
+        """BSDF in 1/sr; NaN outside the unit disk, 0 where there is no light to have a colour."""
+        y, u, v = (m.evaluate(side, theta_i_deg, phi_i_deg, ux, uy) for m in (self._y, self._u, self._v))
+        part = 9.0 * u if self.band == "CIE-X" else 12.0 - 3.0 * u - 20.0 * v
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(np.isnan(y) | (v > 0.0), y * part / (4.0 * v), 0.0)
+
+    def quadrature(self, side: str, theta_i_deg: float, phi_i_deg: float = 0.0) -> Quadrature:
+        """That of Y."""
+        return self._y.quadrature(side, theta_i_deg, phi_i_deg)
+
+    def direct_hemispherical(self, side: str, theta_i_deg: ArrayLike, phi_i_deg: ArrayLike = 0.0) -> Array:
+        """Sums over the quadrature; NaN where Y is."""
+        theta, phi = np.broadcast_arrays(np.asarray(theta_i_deg, float), np.asarray(phi_i_deg, float))
+        known = np.asarray(np.isfinite(self._y.direct_hemispherical(side, theta, phi)))
+        out = np.full(theta.shape, np.nan)
+        for k in np.ndindex(theta.shape):
+            if known[k]:
+                t, p = float(theta[k]), float(phi[k])
+                q = self.quadrature(side, t, p)
+                out[k] = np.sum(q.weight * self.evaluate(side, t, p, q.ux, q.uy))
+        return out
 
 
 def to_xyz(rgb: Array) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specularia.bsdf import ScatteringModel, XmlModel
-from specularia.daylight.colour import Coloured, to_rgb
+from specularia.daylight.colour import Coloured, UvBand, to_rgb
 from specularia.daylight.emission import EmissionMap, back_reflectance, sun_map
 from specularia.daylight.geometry import Box, Pane, Rectangle
 from specularia.daylight.job import ModelFile
@@ -131,19 +131,22 @@ def named_glazing(
 
 
 def _other_bands(model: ScatteringModel) -> tuple[ScatteringModel, ScatteringModel] | None:
-    """The models of CIE-X and CIE-Z in the file of a model of Y, or None where there are none."""
+    """The models of CIE-X and CIE-Z in the file of a model of Y, or None where it has no colour."""
     if not isinstance(model, XmlModel) or model.band not in ("Visible", "CIE-Y"):
         return None
-    held = [b for b in ("CIE-X", "CIE-Z") if b in model.all_bands]
-    if not held:
-        return None
-    if len(held) == 1:
-        raise CoverageError(
-            f"the model holds {held[0]} beside {model.band}, but not the third band; colour needs CIE-X, "
-            "CIE-Y (or Visible) and CIE-Z. Leave out the odd band, or add the missing one."
-        )
-    x, z = (replace(model, parts=model.all_bands[b], band=b) for b in held)
-    return x, z
+    for names in (("CIE-X", "CIE-Z"), ("CIE-u", "CIE-v")):
+        held = [replace(model, parts=model.all_bands[b], band=b) for b in names if b in model.all_bands]
+        if len(held) == 1:
+            raise CoverageError(
+                f"the model holds {held[0].band} beside {model.band}, but not the third band; colour needs "
+                f"{names[0]}, CIE-Y (or Visible) and {names[1]}. Leave out the odd band, or add the missing "
+                "one."
+            )
+        if held and names[0] == "CIE-X":
+            return held[0], held[1]
+        if held:
+            return UvBand(model, *held, band="CIE-X"), UvBand(model, *held, band="CIE-Z")
+    return None
 
 
 @dataclass(frozen=True)
