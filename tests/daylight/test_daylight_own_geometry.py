@@ -59,6 +59,7 @@ def own(file: Path, **changes: Any) -> daylight.RoomJob:
 
 BLACK = {"floor": 0.0, "ceiling": 0.0, "walls": 0.0}
 GREY = {"floor": 0.3, "ceiling": 0.7, "walls": 0.5}
+DIM = {"floor": 0.5, "ceiling": 0.3, "walls": 0.2}
 SUN = {"elevation_deg": 45.0, "azimuth_deg": 20.0, "normal_illuminance_lx": 8e4}
 FLOOR = sensors([(2.5, 1.0, 0.001), (1.8, 1.4, 0.001), (3.3, 2.0, 0.001)], UP)
 
@@ -103,7 +104,7 @@ def test_reflected_light_of_a_room_from_an_obj_file_is_that_of_the_radiosity(tmp
         quality=QUICK,
     )
     for a, b in zip(found.points, box.points):
-        assert a.indirect_lx == pytest.approx(b.indirect_lx, rel=0.04)
+        assert a.indirect_lx == pytest.approx(b.indirect_lx, rel=0.02)
         assert a.direct_lx == pytest.approx(b.direct_lx, rel=0.01)
         assert 0.0 < a.se < 0.1 * a.illuminance_lx
 
@@ -185,10 +186,10 @@ def test_undeflected_sun_and_what_it_sheds_on_are_in_a_room_from_files_as_in_the
         "references": ["clear slab"],
         "quality": {"sampling": 0.5, "repeats": 2},
     }
-    file = scene(tmp_path / "r.rad", GREY)
+    file = scene(tmp_path / "r.rad", DIM)
     geometry = {"file": str(file), "pane_materials": ["glass_pane"], "pane_reflectance": 0.0}
     found = daylight.run(own(file, geometry=geometry, **more), folder=tmp_path / "own")
-    box = daylight.run(room(reflectance={**GREY, "frames": 0.0}, **more), folder=tmp_path / "box")
+    box = daylight.run(room(reflectance={**DIM, "frames": 0.0}, **more), folder=tmp_path / "box")
     for a, b in zip(found.points, box.points):
         assert a.illuminance_lx - a.indirect_lx == pytest.approx(b.illuminance_lx - b.indirect_lx, rel=1e-3)
         # Sampling by chance finds the patch's light with some percent of noise.
@@ -210,7 +211,7 @@ def test_panes_of_a_room_from_files_reflect_as_those_of_the_box(tmp_path: Path) 
         "position_m": [2.5, 3.0, 1.5],
         "direction": [0, -1, 0],
         "horizontal_deg": 20.0,
-        "size_px": [9, 9],
+        "size_px": [8, 8],
     }
     # The sun is behind the wall, the sky black: all that the pane shows is light from the room.
     second = "\nglass_pane polygon north\n0\n0\n12 2.1 6 1.0 2.9 6 1.0 2.9 6 2.1 2.1 6 2.1\n"
@@ -224,27 +225,21 @@ def test_panes_of_a_room_from_files_reflect_as_those_of_the_box(tmp_path: Path) 
     pieces = [piece(0, 0, 5, 1.0), piece(0, 2.1, 5, 3.0), piece(0, 1.0, 2.1, 2.1), piece(2.9, 1.0, 5, 2.1)]
     file = scene(tmp_path / "r.rad", GREY, extra=second, shell=[*walls, *pieces])
     more = {"sun": north, "view": [view], "quality": {"sampling": 0.5, "repeats": 2}}
-    seen = []
-    for rho in (0.0, 0.3):
+    window = {"width_m": 0.8, "height_m": 1.1, "sill_m": 1.0, "pane_reflectance": 0.3}
+    windows = [{**window, "name": w, "wall": w} for w in ("south", "north")]
+    box = room(reflectance={**GREY, "frames": 0.0}, **more).model_dump() | {"window": windows}
+    jobs = [daylight.RoomJob.model_validate(box)]
+    for rho in (0.3, 0.0):
         geometry = {"file": str(file), "pane_materials": ["glass_pane"], "pane_reflectance": rho}
-        window = {"width_m": 0.8, "height_m": 1.1, "sill_m": 1.0, "pane_reflectance": rho}
-        windows = [{**window, "name": w, "wall": w} for w in ("south", "north")]
-        job = room(reflectance={**GREY, "frames": 0.0}, **more).model_dump() | {"window": windows}
+        jobs.append(own(file, geometry=geometry, **more))
+    seen = []
+    for k, job in enumerate(jobs):
         with pytest.warns(SpeculariaWarning, match="1 of 2 windows"):
-            a = daylight.run(
-                own(file, geometry=geometry, **more),
-                models={"d": Diffuser(0.5)},
-                folder=tmp_path / f"own{rho}",
-            )
-            b = daylight.run(
-                daylight.RoomJob.model_validate(job),
-                models={"d": Diffuser(0.5)},
-                folder=tmp_path / f"box{rho}",
-            )
-        seen.append([float(lit.images[0].luminance[4, 4]) for lit in (a, b)])
-    assert seen[0] == pytest.approx([0.0, 0.0], abs=0.01)
-    assert seen[1][1] > 1.0
-    assert seen[1][0] == pytest.approx(seen[1][1], rel=0.06)
+            lit = daylight.run(job, models={"d": Diffuser(0.5)}, folder=tmp_path / str(k))
+        seen.append(float(lit.images[0].luminance[3, 3]))
+    assert seen[2] == pytest.approx(0.0, abs=0.01)
+    assert seen[0] > 1.0
+    assert seen[1] == pytest.approx(seen[0], rel=0.06)
 
 
 def test_a_second_run_of_a_room_from_files_gives_the_same_numbers(tmp_path: Path) -> None:
@@ -256,7 +251,7 @@ def test_a_second_run_of_a_room_from_files_gives_the_same_numbers(tmp_path: Path
         "size_px": [8, 8],
     }
     sky = {"sky": {"kind": "uniform", "horizontal_illuminance_lx": 1e4}, "sun": {"elevation_deg": 40.0}}
-    job = own(scene(tmp_path / "r.rad", GREY), view=[view], sensor=FLOOR[:1], **sky)
+    job = own(scene(tmp_path / "r.rad", DIM), view=[view], sensor=FLOOR[:1], **sky)
     one, two = (
         daylight.run(job, models={"d": Diffuser(0.5)}, folder=tmp_path / str(k), quality=QUICK)
         for k in range(2)
