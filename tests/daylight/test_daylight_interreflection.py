@@ -69,8 +69,8 @@ def test_light_swallowed_equals_light_let_in() -> None:
     direct = rng.uniform(0.0, 100.0, m.points.shape[:2])
     rho = np.where(m.part >= 0, 0.1, np.where(m.face == 4, 0.15, 0.7))
     flux = 500.0
-    light = Interreflection(m, direct, rho, flux)
-    swallowed = np.sum((1 - rho) * light.received * m.area)
+    light = Interreflection(m, direct[..., None], rho[:, None], flux)
+    swallowed = np.sum((1 - rho) * light.received[:, 0] * m.area)
     # Factors are taken at four points of each rectangle, so reciprocity holds to some tenths of a percent.
     assert swallowed == pytest.approx(flux, rel=5e-3)
     assert light.balance == pytest.approx(np.sum(direct.mean(axis=1) * m.area) / flux)

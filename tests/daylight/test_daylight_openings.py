@@ -110,8 +110,8 @@ def test_in_a_room_with_niches_the_mean_illuminance_is_that_of_an_integrating_sp
     flux = 100.0
     direct = np.zeros(m.points.shape[:2])
     direct[m.face == 4] = 1.0
-    light = Interreflection(m, direct, np.full(len(m.area), rho), flux)
-    swallowed = float(np.sum((1 - rho) * light.received * m.area))
+    light = Interreflection(m, direct[..., None], np.full((len(m.area), 1), rho), flux)
+    swallowed = float(np.sum((1 - rho) * light.received[:, 0] * m.area))
     assert swallowed == pytest.approx(flux, rel=0.01)
 
 

@@ -141,9 +141,9 @@ def test_a_picture_traced_in_some_pixels_is_that_of_all_of_them() -> None:
         traced.append(len(r))
         return truth[r, c]
 
-    got = filled(kind, trace)
+    got = filled(kind, lambda r, c: trace(r, c)[:, None])[..., 0]
     assert np.max(np.abs(got / truth - 1.0)) < 0.03
     assert np.sqrt(np.mean((got / truth - 1.0) ** 2)) < 0.005
     assert sum(traced) < 0.5 * truth.size
-    with_a_flat_line = filled(np.zeros((1, 40), dtype=int), lambda r, c: np.ones(len(r)))
+    with_a_flat_line = filled(np.zeros((1, 40), dtype=int), lambda r, c: np.ones((len(r), 1)))
     assert np.all(with_a_flat_line == 1.0)

@@ -56,7 +56,8 @@ def read_xml(path: str | Path, *, band: str | None = None) -> XmlModel:
     Parameters
     ----------
     path : the file.
-    band : Visible, Solar ...; None takes Visible, or the first band (with a warning) where there is none.
+    band : Visible, Solar ...; None takes Visible, or CIE-Y, which is the same, or else the first band (the
+        last two with a warning: Radiance knows Visible only).
 
     Raises
     ------
@@ -65,7 +66,7 @@ def read_xml(path: str | Path, *, band: str | None = None) -> XmlModel:
     """
     models = _Reader(path).models()
     if band is None:
-        band = "Visible" if "Visible" in models else next(iter(models))
+        band = next((b for b in ("Visible", "CIE-Y") if b in models), next(iter(models)))
         if band != "Visible":
             warnings.warn(
                 f"{path}: no Visible band; {band} is used. Radiance would find nothing in it.",

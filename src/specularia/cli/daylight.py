@@ -61,7 +61,7 @@ def run(
             quality=daylight.FULL if full else None,
             method=method.value,
         )
-        figures, ratios, plans = _figures(lit, output)
+        figures, ratios, plans, pictures = _figures(lit, output)
         result = {
             "points": [
                 {
@@ -73,6 +73,8 @@ def run(
                     "direct_lx": p.direct_lx,
                     "indirect_lx": p.indirect_lx,
                     "daylight_factor_percent": p.daylight_factor_percent,
+                    "chromaticity_xy": p.chromaticity_xy,
+                    "colour_temperature_k": p.colour_temperature_k,
                 }
                 for p in lit.points
             ],
@@ -83,6 +85,7 @@ def run(
                     "hdr": i.hdr.resolve(),
                     "npz": i.npz.resolve(),
                     "figure": figures[i.name].resolve(),
+                    "picture": pictures[i.name].resolve() if i.name in pictures else None,
                 }
                 for i in lit.images
             ],
@@ -96,10 +99,12 @@ def run(
                     "sun_lx": p.sun_lx,
                     "sky_lx": p.sky_lx,
                     "sun_share": p.sun_share,
+                    "chromaticity_xy": p.chromaticity_xy,
                 }
                 for p in lit.panes
             ],
             "intervals": lit.intervals,
+            "colour": lit.colour,
             "grids": [_grid(g, output, plans) for g in lit.grids],
             "glare": [
                 {
@@ -260,10 +265,25 @@ def _named_files(options: list[str]) -> dict[str, Path]:
 def _told(lit: Any) -> list[str]:
     """Tables for a person to read."""
     factor = not lit.no_daylight_factor
+    colour = any(p.chromaticity_xy for p in lit.points)
     lines = table(
-        ["point", "model", "illuminance lx", "se", *(["daylight factor %"] if factor else [])],
         [
-            [p.name, p.model, p.illuminance_lx, p.se, *([p.daylight_factor_percent] if factor else [])]
+            "point",
+            "model",
+            "illuminance lx",
+            "se",
+            *(["daylight factor %"] if factor else []),
+            *(["x", "y", "colour temperature K"] if colour else []),
+        ],
+        [
+            [
+                p.name,
+                p.model,
+                p.illuminance_lx,
+                p.se,
+                *([p.daylight_factor_percent] if factor else []),
+                *([*(p.chromaticity_xy or (None, None)), p.colour_temperature_k] if colour else []),
+            ]
             for p in lit.points
         ],
     )
@@ -318,6 +338,8 @@ def _grid(grid: Any, folder: Path, plans: dict[str, Path]) -> dict[str, Any]:
     }
     if grid.daylight_factor_percent is not None:
         arrays["daylight_factor_percent"] = grid.daylight_factor_percent
+    if grid.chromaticity_xy is not None:
+        arrays["chromaticity_xy"] = grid.chromaticity_xy
     npz = style.write_npz(folder / f"{file_name(f'{grid.model}_{grid.name}')}_grid.npz", arrays)
     return {
         "name": grid.name,
@@ -332,18 +354,24 @@ def _grid(grid: Any, folder: Path, plans: dict[str, Path]) -> dict[str, Any]:
     }
 
 
-def _figures(lit: Any, folder: Path) -> tuple[dict[str, Path], list[dict[str, Any]], dict[str, Path]]:
-    """Luminance maps by view, ratios of models, plans by grid; all models of a figure share one scale."""
+def _figures(
+    lit: Any, folder: Path
+) -> tuple[dict[str, Path], list[dict[str, Any]], dict[str, Path], dict[str, Path]]:
+    """Luminance maps by view, ratios of models, plans by grid, pictures in colour by view where there is any;
+    all models of a figure share one scale."""
     from specularia.daylight import file_name
     from specularia.report import figures
 
     synthetic = "synthetic" in lit.provenance
-    maps, plans, ratios = {}, {}, []
+    maps, plans, ratios, pictures = {}, {}, [], {}
     for view in dict.fromkeys(i.name for i in lit.images):
         images = [i for i in lit.images if i.name == view]
         maps[view] = figures.luminance_maps(
             images, folder / f"luminance_{file_name(view)}.png", points=lit.points, synthetic=synthetic
         )
+        if any(i.xyz is not None for i in images):
+            path = folder / f"colour_{file_name(view)}.png"
+            pictures[view] = figures.colour_pictures(images, path, synthetic=synthetic)
         if len(images) > 1:
             path = folder / f"luminance_ratio_{file_name(view)}.png"
             figure = figures.luminance_ratios(images, path, synthetic=synthetic).resolve()
@@ -361,7 +389,7 @@ def _figures(lit: Any, folder: Path) -> tuple[dict[str, Path], list[dict[str, An
             ratios += [
                 {"grid": name, "models": [grids[0].model, g.model], "figure": figure} for g in grids[1:]
             ]
-    return maps, ratios, plans
+    return maps, ratios, plans, pictures
 
 
 @app.command()

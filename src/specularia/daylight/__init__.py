@@ -1,5 +1,6 @@
 """The lit room: ROOM.toml, sun and sky, panes as sources, illuminance and luminance."""
 
+from specularia.daylight.colour import Coloured
 from specularia.daylight.emission import EmissionMap, emission_map
 from specularia.daylight.fragment import Contrast, FragmentPicture, FragmentResult, look_through
 from specularia.daylight.fragment_job import FragmentJob
@@ -15,6 +16,7 @@ from specularia.daylight.when import Day, Place, Time
 
 __all__ = [
     "FULL",
+    "Coloured",
     "Contrast",
     "Day",
     "DayHour",

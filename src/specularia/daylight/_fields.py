@@ -7,10 +7,12 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-__all__ = ["Metres", "Name", "Share", "Vector", "Wall", "unit"]
+__all__ = ["Metres", "Name", "Shade", "Share", "Vector", "Wall", "unit"]
 
 Wall = Literal["south", "north", "west", "east"]
 Share = Annotated[float, Field(ge=0.0, lt=1.0)]
+Shade = Share | tuple[Share, Share, Share]
+"""A reflectance: grey, or linear R, G and B in Radiance's primaries."""
 Metres = Annotated[float, Field(gt=0.0, le=1000.0)]
 Name = Annotated[str, Field(min_length=1, max_length=80)]
 Vector = tuple[float, float, float]

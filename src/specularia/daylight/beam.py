@@ -17,14 +17,15 @@ Array = NDArray[np.float64]
 
 
 def beam_illuminance(box: Box | OwnRoom, lights: Lights, points: Array, normals: Array) -> Array:
-    """[K] lx of undeflected sunlight at points [K, 3] with normals [K, 3], mean over the sun's disc.
+    """[K, 1] lx of undeflected sunlight, which is white, at points [K, 3] with normals [K, 3]: mean over the
+    sun's disc.
 
     A point is lit where the way to the sun passes through a pane, through the mouth of its niche, and by all
     that stands outside.
     """
     out = np.zeros(len(points))
     if lights.sun_direction is None or not np.any(lights.beam > 0.0):
-        return out
+        return out[:, None]
     directions, weights = sun_disc(lights.sun_direction)
     spaces = None if isinstance(box, OwnRoom) else box.spaces(points)
     for index in np.flatnonzero(lights.beam > 0.0):
@@ -49,4 +50,4 @@ def beam_illuminance(box: Box | OwnRoom, lights: Lights, points: Array, normals:
                 hit, _ = first_hits(start + 1e-6 * pane.axes[2], d[None], lights.triangles)
                 here = here[hit[:, 0] < 0]
             out[here] += w * lights.beam[index] * cosine[here]
-    return out
+    return out[:, None]

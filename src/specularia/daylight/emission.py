@@ -67,6 +67,18 @@ class EmissionMap:
         held = half.exitance()
         return replace(half, luminance=half.luminance * (self.exitance() / held)) if held > 0.0 else half
 
+    def with_lobe(self, sun: Array, exitance: float) -> EmissionMap:
+        """The map and a narrow lobe around the undeflected direction.
+
+        `sun` [3] points to the sun in the sample's frame. The lobe holds `exitance` lm/m2 and is as narrow as
+        the nodes allow, 5 degrees at least.
+        """
+        s, t = -sun[0] / (1.0 + sun[2]), -sun[1] / (1.0 + sun[2])
+        width = max(np.radians(5.0) / 4.7, float(np.diff(self.s).max()), float(np.diff(self.t).max()))
+        shape = np.exp(-((self.s[:, None] - s) ** 2 + (self.t[None, :] - t) ** 2) / (2.0 * width**2))
+        held = replace(self, luminance=shape).exitance()
+        return replace(self, luminance=self.luminance + shape * (exitance / held))
+
     def exitance(self) -> float:
         """Luminous flux per area that leaves into the room, lm/m2: the integral of the bilinear map."""
         s, t, w = _gauss_points(self.s, self.t)

@@ -18,7 +18,7 @@ the top reflects of sky and lamp, for models that know it.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -26,9 +26,11 @@ from numpy.typing import NDArray
 
 from specularia.bsdf import ScatteringModel
 from specularia.daylight.checks import check_models
+from specularia.daylight.colour import Coloured
 from specularia.daylight.fragment_job import FragmentJob
 from specularia.daylight.fragment_optics import Fan, Placed, even_sky, lambert_transfer
 from specularia.daylight.fragment_sheet import glass, outline_box, printed
+from specularia.daylight.panes import Glazing, named_glazing
 from specularia.errors import FormatError
 from specularia.jobs import load_toml
 from specularia.progress import task
@@ -56,6 +58,7 @@ class FragmentPicture:
     luminance : [rows, columns] cd/m2, row 0 at the top.
     covered : [rows, columns] share of each pixel that glass covers.
     extent_mm : left, right, bottom, top of the picture on the table.
+    xyz : [rows, columns, 3] tristimulus values under white light for a model of three bands, else None.
     """
 
     model: str
@@ -63,6 +66,7 @@ class FragmentPicture:
     luminance: Array
     covered: Array
     extent_mm: tuple[float, float, float, float]
+    xyz: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -112,7 +116,9 @@ class FragmentResult:
 
 
 def look_through(
-    job: str | Path | FragmentJob, *, models: Mapping[str, ScatteringModel | str | Path] | None = None
+    job: str | Path | FragmentJob,
+    *,
+    models: Mapping[str, ScatteringModel | Coloured | Glazing | str | Path] | None = None,
 ) -> FragmentResult:
     """Lay the sample over the sheet and look at it through each of the given models.
 
@@ -129,30 +135,33 @@ def look_through(
     """
     file = Path("fragment") if isinstance(job, FragmentJob) else Path(job)
     todo = job if isinstance(job, FragmentJob) else load_toml(job, FragmentJob)
-    given: dict[str, ScatteringModel | str | Path] = {m.name: m.file for m in todo.model}
-    given.update(models or {})
-    if not given:
+    held = named_glazing(todo.model, models or {})
+    if not held:
         raise FormatError(
             file=file,
             expected="at least one scattering model for the glass",
             found="none",
             advice="Add [[model]] to the file or give --model NAME=FILE.",
         )
-    held = {name: _read(m) for name, m in given.items()}
-    check_models(held)
+    check_models({name: g.model for name, g in held.items()})
+    check_models({f"{n}, {m.band}": m for n, g in held.items() for m in g.chroma or ()})
     table = _Table(todo, file)
     pictures: list[FragmentPicture] = []
     curves: list[Contrast] = []
     with task("fragment", len(held) * (len(todo.gap_mm) + 1)) as progress:
-        for name, model in held.items():
-            placed = Placed(model, todo.sample, name=name)
-            light = _Lit(placed, todo)
+        for name, glazing in held.items():
+            bands = glazing.channels if glazing.chroma else (glazing,)
+            lights = [_Lit(Placed(g.model, todo.sample, name=name), todo) for g in bands]
+            y = lights[len(lights) // 2]
             for gap in todo.gap_mm:
-                pictures.append(table.picture(name, light, gap))
+                seen = [table.picture(name, band, gap) for band in lights]
+                xyz = np.stack([p.luminance for p in seen], axis=-1) if glazing.chroma else None
+                pictures.append(replace(seen[len(seen) // 2], xyz=xyz))
                 progress.advance()
-            curves.append(_contrast(name, light, todo))
+            curves.append(_contrast(name, y, todo))
             progress.advance()
-    inputs = [Path(m) for m in given.values() if isinstance(m, (str, Path))]
+    inputs = [g.source for g in held.values() if g.source is not None]
+    inputs += [f for m in todo.model for f in (m.cie_x, m.cie_z) if f is not None]
     pictured = [p for p in (todo.sample.mask, todo.sheet.image) if p is not None]
     example = todo.sample.mask is None and todo.sample.outline_mm is None
     return FragmentResult(
@@ -163,18 +172,10 @@ def look_through(
         provenance=record(
             what=f"{todo.name} over a printed sheet",
             inputs=[*([] if isinstance(job, FragmentJob) else [file]), *inputs, *pictured],
-            parameters={"fragment": todo, "bands": {name: m.band for name, m in held.items()}},
-            synthetic=any("synthetic" in getattr(m, "attributes", {}) for m in held.values()),
+            parameters={"fragment": todo, "bands": {name: g.bands for name, g in held.items()}},
+            synthetic=any("synthetic" in getattr(g.model, "attributes", {}) for g in held.values()),
         ),
     )
-
-
-def _read(given: ScatteringModel | str | Path) -> ScatteringModel:
-    if isinstance(given, (str, Path)):
-        from specularia import bsdf
-
-        return bsdf.read(given)
-    return given
 
 
 class _Lit:

@@ -9,6 +9,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from specularia.daylight._fields import Shade
+from specularia.daylight.colour import LUMINANCE
 from specularia.daylight.job import RoomJob, Wall, Window
 
 __all__ = ["FACES", "Box", "Cell", "Face", "Pane", "Rectangle", "pane_axes"]
@@ -72,6 +74,7 @@ class Face:
     ----------
     corners : [4, 3] at (0, 0), (U, 0), (U, V), (0, V) in its own coordinates u and v, m; a rectangle, or, for
         the splayed reveals of a window, a trapezoid whose U is the mean of both edges.
+    shade : reflectance, grey or R, G and B.
     space : `ROOM`, or the window in whose niche the face lies.
     holes : rectangles that are not there.
     """
@@ -79,9 +82,19 @@ class Face:
     name: str
     corners: Array
     normal: Array
-    reflectance: float
+    shade: Shade
     space: int = ROOM
     holes: tuple[Rectangle, ...] = ()
+
+    @property
+    def reflectance(self) -> float:
+        """For white light."""
+        return float(LUMINANCE @ self.shade) if isinstance(self.shade, tuple) else self.shade
+
+    @property
+    def rgb(self) -> Array:
+        """[3] reflectance in R, G and B."""
+        return np.broadcast_to(np.asarray(self.shade, float), (3,))
 
     @property
     def along(self) -> Array:
@@ -248,6 +261,11 @@ class Box:
                 )
 
     @property
+    def coloured(self) -> bool:
+        """Whether anything inside has a colour."""
+        return any(np.ptp(f.rgb) > 0.0 for f in self.faces.values())
+
+    @property
     def has_niches(self) -> bool:
         """Whether any pane lies behind the room side of its wall."""
         return any(w.inner_reveal_m > 0.0 for w in self.job.window)
@@ -291,13 +309,15 @@ class Box:
             part[self.panes[k].glass.holds(u, v)] = k
         return part
 
-    def reflectance(self, face: str, rectangle: Rectangle, panes: Array) -> float:
-        """Mean reflectance of a rectangle of a face; `panes` holds that of each pane's room side."""
+    def reflectance(self, face: str, rectangle: Rectangle, panes: Array) -> Array:
+        """[C] mean reflectance of a rectangle of a face; `panes` [P, C] holds that of each pane's room side,
+        for white light or in R, G and B."""
         f = self.faces[face]
-        value = f.reflectance
+        own = f.rgb if panes.shape[-1] == 3 else np.array([f.reflectance])
+        value = own
         for k in self.panes_in(face):
-            value += (panes[k] - f.reflectance) * rectangle.shared(self.panes[k].glass) / rectangle.area
-        return float(value)
+            value = value + (panes[k] - own) * rectangle.shared(self.panes[k].glass) / rectangle.area
+        return value
 
     def locate(self, points: Array) -> tuple[NDArray[np.intp], NDArray[np.intp], Array, Array]:
         """Which surface [K, 3] points lie on.

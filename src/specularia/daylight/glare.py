@@ -16,6 +16,7 @@ import numpy as np
 
 from specularia.daylight.ambient import Ambient
 from specularia.daylight.beam import beam_illuminance
+from specularia.daylight.colour import luminous
 from specularia.daylight.interreflection import Interreflection
 from specularia.daylight.results import Glare, Image
 from specularia.daylight.scene import Scene
@@ -53,9 +54,9 @@ def glare_at(image: Image, scene: Scene, light: Interreflection | Ambient, *, fi
     eye = np.array([image.view.position_m], float)
     sight = np.array([image.view.direction], float)
     octree = scene.octree("eye", cell=0.11 / scene.sampling)
-    sensor = float(scene.illuminance(octree, eye, sight, fineness=fineness)[0])
-    sensor += float(light.illuminance(eye, sight)[0])
-    sensor += float(beam_illuminance(scene.box, scene.lights, eye, sight)[0])
+    received = scene.illuminance(octree, eye, sight, fineness=fineness) + light.illuminance(eye, sight)
+    received = received + beam_illuminance(scene.box, scene.lights, eye, sight)
+    sensor = float(luminous(received)[0])
     if abs(ev - sensor) > _APART * max(sensor, 1.0):
         warnings.warn(
             f"view {image.name!r}, model {image.model!r}: the picture holds {ev:.4g} lx at the eye, a sensor "

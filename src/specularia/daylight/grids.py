@@ -145,6 +145,9 @@ def split(
                 direct_lx=direct,
                 indirect_lx=indirect,
                 daylight_factor_percent=None if outside is None else 100.0 * total / outside,
+                chromaticity_xy=None
+                if any(p.chromaticity_xy is None for p in part)
+                else np.array([p.chromaticity_xy for p in part]).reshape(*shape, 2),
             )
         )
     return named, grids

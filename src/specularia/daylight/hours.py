@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from specularia.bsdf import ScatteringModel
-from specularia.daylight.checks import check_room
-from specularia.daylight.geometry import Box
+from specularia.daylight.checks import room_of
+from specularia.daylight.colour import Coloured
 from specularia.daylight.job import Quality, RoomJob
 from specularia.daylight.lit import run
 from specularia.daylight.moment import Dark, at, position_at
 from specularia.daylight.outdoors import outdoors
-from specularia.daylight.panes import Glazing
+from specularia.daylight.panes import Glazing, named_glazing
 from specularia.daylight.results import DaylightResult, Point
 from specularia.daylight.sun import SunPosition
 from specularia.daylight.when import Day, Time
@@ -145,7 +145,7 @@ def day(
     room: str | Path | RoomJob,
     *,
     folder: str | Path,
-    models: Mapping[str, ScatteringModel | str | Path] | None = None,
+    models: Mapping[str, ScatteringModel | Coloured | str | Path] | None = None,
     dates: Sequence[str] | None = None,
     calendar: str | None = None,
     hours: tuple[float, float, float] | None = None,
@@ -186,7 +186,7 @@ def day(
             advice="Add [[model]] to the room or give --model NAME=FILE.",
         )
     inputs = {name: Path(m) for name, m in given.items() if isinstance(m, (str, Path))}
-    others = [g.file for g in job.glass] + [f for m in job.model for f in m.members]
+    others = [g.file for g in job.glass] + [f for m in job.model for f in m.members] + job.other_bands
     if job.geometry is not None:
         others += [f for f in (job.geometry.file, job.geometry.materials) if f is not None]
     every = {**inputs, **{f"file {k}": path for k, path in enumerate(others)}}
@@ -203,7 +203,7 @@ def day(
             key = _key(then, named, seed) if len(inputs) == len(given) else None
             held = _kept(place, key)
             if held is None:
-                glazing = glazing or {name: Glazing.of(m) for name, m in given.items()}
+                glazing = glazing or named_glazing(job.model, models or {})
                 with _sun_may_be_behind():
                     result = run(then, models=glazing, folder=place, seed=seed)
                 held = _held(result)
@@ -295,7 +295,7 @@ def _sorted(job: RoomJob, times: Sequence[Time], file: Path) -> tuple[list[RoomJ
         )
     with _sun_may_be_behind():
         for then in lit:
-            check_room(Box(then), file)
+            room_of(then, file)
     return lit, dark
 
 

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specularia.daylight._polygon_kernel import configuration_factors
+from specularia.daylight.colour import to_rgb, to_xyz
 from specularia.daylight.geometry import ROOM, Box, Rectangle
 
 __all__ = ["Interreflection", "Mesh", "mesh"]
@@ -162,36 +163,44 @@ class Interreflection:
     Parameters
     ----------
     mesh : the room.
-    direct : [N, K] illuminance in lx straight from the panes at the mesh's points.
-    reflectance : [N] of each rectangle.
-    flux : lm that the panes emit; 0 leaves `direct` as it is.
+    direct : [N, K, C] illuminance in lx straight from the panes at the mesh's points, in the channels of
+        `colour`.
+    reflectance : [N, C] of each rectangle.
+    flux : lm that the panes emit, Y, or [3] X, Y and Z; 0 leaves `direct` as it is.
 
     Attributes
     ----------
-    exitance : [N] lm/m2 of reflected light.
-    received : [N] lx, direct and indirect.
-    balance : flux that `direct` held, over `flux`, before it was scaled.
+    exitance : [N, C] lm/m2 of reflected light.
+    received : [N, C] lx, direct and indirect.
+    balance : [C] flux that `direct` held, over `flux`, before it was scaled: of Y, or of X, Y and Z, which
+        are never negative as a channel may be.
     """
 
-    def __init__(self, mesh: Mesh, direct: Array, reflectance: Array, flux: float) -> None:
-        first = direct.mean(axis=1)
-        held = float(np.sum(first * mesh.area))
-        self.balance = held / flux if flux > 0.0 else 1.0
-        if flux > 0.0 and held > 0.0:
-            first = first / self.balance
+    def __init__(self, mesh: Mesh, direct: Array, reflectance: Array, flux: float | Array) -> None:
+        first, colour = direct.mean(axis=1), direct.shape[2] == 3
+        first = to_xyz(first) if colour else first
+        held, wanted = mesh.area @ first, np.atleast_1d(flux)
+        known = (wanted > 0.0) & (held > 0.0)
+        self.balance: Array = np.divide(held, wanted, out=np.ones_like(held), where=wanted > 0.0)
+        first = first / np.where(known, self.balance, 1.0)
+        first = to_rgb(first) if colour else first
         self.mesh = mesh
-        transfer = np.eye(len(first)) - mesh.factors * reflectance[None, :]
-        self.received: Array = np.linalg.solve(transfer, first)
+        self.received: Array = np.empty_like(first)
+        # A grey room has one matrix for all channels.
+        for rho in np.unique(reflectance, axis=1).T:
+            same = np.all(reflectance == rho[:, None], axis=0)
+            transfer = np.eye(len(first)) - mesh.factors * rho[None, :]
+            self.received[:, same] = np.linalg.solve(transfer, first[:, same])
         self.exitance: Array = reflectance * self.received
 
     def illuminance(self, points: Array, normals: Array) -> Array:
-        """[K] lx of reflected light at points [K, 3] with normals [K, 3] inside the room."""
+        """[K, C] lx of reflected light at points [K, 3] with normals [K, 3] inside the room."""
         m = self.mesh
         spaces = np.array([f.space for f in m.box.faces.values()])[m.face]
         return factors_through(m.box, points, normals, m.box.spaces(points), m.quads, spaces) @ self.exitance
 
 
 def reflectances(mesh: Mesh, panes: Array) -> Array:
-    """[N] reflectance of each rectangle of a mesh; `panes` gives that of each pane's room side."""
+    """[N, C] reflectance of each rectangle of a mesh; `panes` [P, C] gives that of each pane's room side."""
     names = mesh.box.names
     return np.array([mesh.box.reflectance(names[f], r, panes) for f, r in zip(mesh.face, mesh.rectangles)])

@@ -11,7 +11,7 @@ floor, inside. A room for the south window of a house, complete::
     depth_m = 6.0                  # from the south wall to the north wall (y)
     height_m = 3.0
 
-    [reflectance]                  # all surfaces scatter evenly (Lambert)
+    [reflectance]                  # all surfaces scatter evenly (Lambert); grey, or [R, G, B]
     ceiling = 0.70
     walls = 0.70
     floor = 0.15
@@ -115,7 +115,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field, field_validator, model_validator
 
-from specularia.daylight._fields import Metres, Name, Share, Vector, Wall, unit
+from specularia.daylight._fields import Metres, Name, Shade, Share, Vector, Wall, unit
 from specularia.daylight.views import Grid, View
 from specularia.daylight.when import Day, Place, Time, WeatherFile
 from specularia.jobs import FilePath, Job
@@ -147,6 +147,12 @@ def _three(value: Any) -> Any:
     return (value,) * 3 if isinstance(value, (int, float)) else value
 
 
+def _both_bands(self: Any) -> Any:
+    if (self.cie_x is None) != (self.cie_z is None):
+        raise ValueError("cie_x and cie_z together, or neither")
+    return self
+
+
 Angle = Annotated[float, Field(ge=0.0, le=80.0)]
 Splay = Annotated[tuple[Angle, Angle, Angle], BeforeValidator(_three)]
 """Of jambs, sill and head, in degrees."""
@@ -164,14 +170,15 @@ class RoomSize(Job):
 
 
 class Reflectance(Job):
-    """[reflectance]: Lambertian reflectances, 0 to below 1, of what is inside."""
+    """[reflectance]: Lambertian reflectances, 0 to below 1, of what is inside: one number for grey, or three
+    for a colour, linear R, G and B in Radiance's primaries."""
 
-    ceiling: Share = 0.70
-    walls: Share = 0.70
-    floor: Share = 0.15
-    frames: Share = 0.15
+    ceiling: Shade = 0.70
+    walls: Shade = 0.70
+    floor: Shade = 0.15
+    frames: Shade = 0.15
     """Frames and the bars of lattices."""
-    reveals: Share | None = None
+    reveals: Shade | None = None
     """Inner reveals of windows. Left out: as the walls."""
     outside: Share = 0.3
     """Outer reveals of windows."""
@@ -291,6 +298,9 @@ class Glass(Job):
     name: Name
     file: FilePath
     """A .nc of ours, or a BSDF in .xml."""
+    cie_x: FilePath | None = None
+    cie_z: FilePath | None = None
+    """As of [[model]]."""
     turn_deg: Annotated[float, Field(ge=-360.0, le=360.0)] = 0.0
     """By how much the sample is turned in its plane, counter-clockwise seen from outside."""
 
@@ -300,6 +310,8 @@ class Glass(Job):
         if name == "*":
             raise ValueError('a name other than "*", which stands for the model under comparison')
         return name
+
+    _both = model_validator(mode="after")(_both_bands)
 
 
 class Obstacle(Job):
@@ -346,7 +358,11 @@ class ModelFile(Job):
 
     name: Name
     file: FilePath
-    """A .nc of ours, or a BSDF in .xml."""
+    """A .nc of ours, or a BSDF in .xml. An .xml with the bands CIE-X, Visible (or CIE-Y) and CIE-Z lights the
+    room in colour."""
+    cie_x: FilePath | None = None
+    cie_z: FilePath | None = None
+    """Files of the bands CIE-X and CIE-Z, where each band has a file of its own; `file` is then that of Y."""
     members: tuple[FilePath, ...] = ()
     """Models of the same pane as it may be, at least two: a healed ensemble, or patches. Each lights the room
     by itself; their spread gives the interval of the points."""
@@ -358,6 +374,8 @@ class ModelFile(Job):
             raise ValueError("two members or more, or none")
         return members
 
+    _both = model_validator(mode="after")(_both_bands)
+
 
 class Geometry(Job):
     """[geometry]: a room of the user's own, in place of [room], [reflectance] and [[window]]."""
@@ -367,8 +385,9 @@ class Geometry(Job):
     materials: FilePath | None = None
     """A Radiance file with the materials that an OBJ file names."""
     pane_materials: Annotated[tuple[Name, ...], Field(min_length=1)]
-    """Materials of the panes: rectangles whose normals point into the room. They need no definition. Light
-    from the room is not reflected by them."""
+    """Materials of the panes: rectangles whose normals point into the room. They need no definition."""
+    pane_reflectance: Share | None = None
+    """As of [[window]]."""
 
 
 class Quality(Job):
@@ -435,6 +454,12 @@ class RoomJob(Job):
         if self.geometry is not None and self.window:
             raise ValueError("no [[window]] beside [geometry]: its panes are named by pane_materials")
         return self
+
+    @property
+    def other_bands(self) -> list[Path]:
+        """Files of the bands CIE-X and CIE-Z."""
+        both: list[ModelFile | Glass] = [*self.model, *self.glass]
+        return [f for m in both for f in (m.cie_x, m.cie_z) if f is not None]
 
     @property
     def box(self) -> RoomSize:

@@ -17,6 +17,7 @@ from specularia.daylight.ambient import Ambient
 from specularia.daylight.beam import beam_illuminance
 from specularia.daylight.camera import Camera
 from specularia.daylight.checks import check_models, room_of
+from specularia.daylight.colour import Coloured, chromaticity, colour_temperature, luminous, to_xyz
 from specularia.daylight.geometry import Box
 from specularia.daylight.glare import glare_at
 from specularia.daylight.grids import grid_sensors, reference_illuminance, split
@@ -25,7 +26,7 @@ from specularia.daylight.job import Quality, RoomJob, Sensor, View
 from specularia.daylight.moment import at
 from specularia.daylight.outdoors import Outdoors, incident_illuminance, outdoors
 from specularia.daylight.own_geometry import OwnRoom
-from specularia.daylight.panes import Glazing, Lights, lights
+from specularia.daylight.panes import Glazing, Lights, lights, named_glazing
 from specularia.daylight.picture import IndirectField, render, write_hdr
 from specularia.daylight.references import reference
 from specularia.daylight.results import DaylightResult, Glare, GridResult, Image, PaneLuminance, Point
@@ -51,7 +52,7 @@ _FINE = 4.0
 def run(
     room: str | Path | RoomJob,
     *,
-    models: Mapping[str, ScatteringModel | Glazing | str | Path] | None = None,
+    models: Mapping[str, ScatteringModel | Coloured | Glazing | str | Path] | None = None,
     folder: str | Path | None = None,
     seed: int = 0,
     quality: Quality | None = None,
@@ -83,31 +84,33 @@ def run(
         job = job.model_copy(update={"quality": quality})
     job = at(job, file=file)
     box = room_of(job, file)
-    given: dict[str, ScatteringModel | Glazing | str | Path] = {m.name: m.file for m in job.model}
-    given.update(models or {})
-    given.update({name: reference(name) for name in job.references})
-    if not given:
+    held = named_glazing(job.model, models or {})
+    held.update({name: reference(name) for name in job.references})
+    if not held:
         raise FormatError(
             file=file,
             expected="at least one scattering model for the panes",
             found="none",
             advice="Add [[model]] to the room or give --model NAME=FILE.",
         )
-    held = {name: Glazing.of(m) for name, m in given.items()}
-    own = {g.name: Glazing.of(g.file) for g in job.glass}
-    check_models({name: g.model for name, g in {**own, **held}.items()})
+    own = {g.name: Glazing.of(g.file, cie_x=g.cie_x, cie_z=g.cie_z) for g in job.glass}
+    every = {**own, **held}
+    check_models({name: g.model for name, g in every.items()})
+    check_models({f"{n}, {m.band}": m for n, g in every.items() for m in g.chroma or ()})
     out = outdoors(job)
     if folder is not None:
         folder = make_folder(folder)
     inputs = [] if job.geometry is None else [job.geometry.file]
     inputs += [g.source for g in held.values() if g.source is not None] + [g.file for g in job.glass]
     inputs += [f for m in job.model for f in m.members]
+    inputs += job.other_bands
     provenance = record(
         what=f"daylight in {job.name}",
         inputs=inputs if isinstance(room, RoomJob) else [file, *inputs],
         parameters={
             "room": job,
-            "bands": {name: g.model.band for name, g in {**own, **held}.items()},
+            "bands": {name: g.bands for name, g in every.items()},
+            "white": "sun, sky and ground: equal energy",
             "sun_normal_lx": out.sun_illuminance,
             "sky_zenith_cd_m2": out.zenith,
             "sky_horizontal_lx": out.sky_illuminance,
@@ -130,6 +133,7 @@ def run(
     grids: list[GridResult] = []
     glare: list[Glare] = []
     intervals: dict[str, str] = {}
+    colour: dict[str, str] = {}
     sampling = job.quality.sampling
     members = {m.name: [Glazing.of(f) for f in m.members] for m in job.model if m.members}
     steps = len(held) * (3 + (len(job.view) if folder is not None else 0))
@@ -142,14 +146,16 @@ def run(
 
         def emitted_by(glazing: Glazing) -> tuple[list[Glazing], Lights]:
             each = [own.get(p.model or "", glazing) for p in box.panes]
-            return each, lights(box, each, out, sampling=sampling)
+            coloured = box.coloured or any(g.chroma is not None for g in each)
+            return each, lights(box, each, out, sampling=sampling, colour=coloured)
 
         for name, glazing in held.items():
             each, emitted = emitted_by(glazing)
+            colour[name] = _colour(glazing, emitted)
             progress.advance()
             with tempfile.TemporaryDirectory(prefix="specularia-room-") as scratch:
                 scene = Scene.make(Path(scratch), box, emitted, sampling=sampling)
-                light = [_interreflection(scene, m) for m in meshes]
+                light = [_interreflection(scene, m, k) for k, m in enumerate(meshes)]
                 progress.advance()
                 control = Scene.make(
                     make_folder(Path(scratch) / "control"), box, emitted.coarsened(), sampling=sampling
@@ -185,7 +191,16 @@ def run(
         no_daylight_factor=reference_illuminance(out)[1],
         provenance=provenance,
         intervals=intervals,
+        colour=colour,
     )
+
+
+def _colour(glazing: Glazing, emitted: Lights) -> str:
+    """Whether the room is lit in colour, and what the model says of it."""
+    if emitted.chroma is None:
+        return "none: one band"
+    white = "sun and sky of equal-energy white"
+    return f"bands {glazing.bands}; {white}" if glazing.chroma else f"one band, taken as neutral; {white}"
 
 
 def _intervals(points: list[Point], relative: float | None, members: list[Array]) -> tuple[list[Point], str]:
@@ -208,16 +223,17 @@ def _field(light: Interreflection | Ambient, spacing: float) -> IndirectField | 
     return light if isinstance(light, Ambient) else IndirectField(light.mesh.box, light, spacing)
 
 
-def _interreflection(scene: Scene, m: Mesh | None) -> Interreflection | Ambient:
+def _interreflection(scene: Scene, m: Mesh | None, number: int = 0) -> Interreflection | Ambient:
     if m is None:
-        return Ambient(scene)
+        return Ambient(scene, number)
     octree = scene.octree("coarse", cell=(0.14 if scene.box.has_niches else 0.28) / scene.sampling)
     points, normals = m.points.reshape(-1, 3), m.normals.reshape(-1, 3)
     lifted = m.box.lifted(points)
     direct = scene.illuminance(octree, lifted, normals, fineness=0.5)
-    direct += beam_illuminance(scene.box, scene.lights, lifted, normals)
-    rho = reflectances(m, scene.lights.reflectance)
-    return Interreflection(m, direct.reshape(m.points.shape[:2]), rho, scene.lights.flux)
+    direct = direct + beam_illuminance(scene.box, scene.lights, lifted, normals)
+    rho = reflectances(m, scene.lights.pane_reflectance)
+    flux = np.array([band.flux for band in scene.lights.bands])
+    return Interreflection(m, direct.reshape(*m.points.shape[:2], -1), rho, flux)
 
 
 def _at_sensors(box: Box | OwnRoom) -> list[Sensor]:
@@ -231,7 +247,7 @@ def _sensors(box: Box | OwnRoom) -> tuple[Array, Array]:
 
 
 def _direct(scene: Scene, shift: Array, fineness: float) -> Array:
-    """[K] lx straight from the panes at the sensors, the panes cut at places that `shift` chooses."""
+    """[K, C] lx straight from the panes at the sensors, the panes cut at places that `shift` chooses."""
     # A pane that a niche hides in part is seen or not piece by piece, so the pieces must be small.
     cell = (0.03 if scene.box.has_niches else 0.11) / scene.sampling
     octree = scene.octree("sensors", cell=cell, shift=(float(shift[0]), float(shift[1])))
@@ -249,7 +265,7 @@ def _levels(scene: Scene, light: Interreflection | Ambient, seed: int) -> Array:
     at, normals = _sensors(scene.box)
     first = np.mean([_direct(scene, shift, _FINE) for shift in _shifts(scene, seed)], axis=0)
     beam = beam_illuminance(scene.box, scene.lights, at, normals)
-    return np.asarray(first + beam + light.illuminance(at, normals))
+    return luminous(first + beam + light.illuminance(at, normals))
 
 
 def _points(
@@ -265,15 +281,24 @@ def _points(
         return []
     at, normals = _sensors(scene.box)
     shifts = _shifts(scene, seed)
-    runs = np.stack([_direct(scene, shift, _FINE) for shift in shifts])
+    every = np.stack([_direct(scene, shift, _FINE) for shift in shifts])
+    runs = luminous(every)
     spread = runs.std(axis=0, ddof=1) / np.sqrt(len(runs))
-    resolution = (runs[0] - _direct(control, shifts[0], _FINE / 2)) / 3
-    first = runs.mean(axis=0) + beam_illuminance(scene.box, scene.lights, at, normals)
-    fine, coarse = (part.illuminance(at, normals) for part in light)
+    resolution = (runs[0] - luminous(_direct(control, shifts[0], _FINE / 2))) / 3
+    beam = beam_illuminance(scene.box, scene.lights, at, normals)
+    reflected = [part.illuminance(at, normals) for part in light]
+    first, fine, coarse = runs.mean(axis=0) + beam[:, 0], *(luminous(v) for v in reflected)
     se = np.sqrt(spread**2 + resolution**2 + (fine - coarse) ** 2)
-    return [
+    found = [
         Point(s.name, name, float(d + i), float(e), float(d), float(i))
         for s, d, i, e in zip(_at_sensors(scene.box), first, fine, se)
+    ]
+    if scene.channels == 1:
+        return found
+    xy = chromaticity(to_xyz(every.mean(axis=0) + beam + reflected[0]))
+    return [
+        replace(p, chromaticity_xy=(float(c[0]), float(c[1])), colour_temperature_k=colour_temperature(c))
+        for p, c in zip(found, xy)
     ]
 
 
@@ -294,14 +319,18 @@ def _image(
     # smooth patches of the glass let through as a row of separate images.
     octree = scene.octree("picture", cell=0.05 if scene.box.has_niches else 0.1)
     camera = Camera.of(view, scene.box.size)
-    luminance = render(camera, scene=scene, octree=octree, field=field, fineness=1.0 / scene.sampling)
+    picture = render(camera, scene=scene, octree=octree, field=field, fineness=1.0 / scene.sampling)
+    luminance = luminous(picture)
+    xyz = None if scene.channels == 1 else to_xyz(picture)
     stem = file_name(f"{name}_{view.name}")
-    hdr = write_hdr(folder / f"{stem}.hdr", luminance, camera, what=f"specularia daylight, model {name}")
+    hdr = write_hdr(folder / f"{stem}.hdr", picture, camera, what=f"specularia daylight, model {name}")
     with atomic(folder / f"{stem}.npz") as temporary:
         arrays: dict[str, Any] = {"luminance": luminance.astype(np.float32), "units": "cd/m2", **provenance}
+        if xyz is not None:
+            arrays["xyz"] = xyz.astype(np.float32)
         np.savez_compressed(temporary, **arrays)
     pixels = sensor_pixels(scene.box.job, camera)
-    return Image(name, view.name, hdr, folder / f"{stem}.npz", luminance, view, pixels)
+    return Image(name, view.name, hdr, folder / f"{stem}.npz", luminance, view, pixels, xyz)
 
 
 def sensor_pixels(job: RoomJob, camera: Camera) -> dict[str, tuple[float, float]]:
@@ -329,18 +358,22 @@ def _panes(name: str, box: Box | OwnRoom, emitted: Lights, out: Outdoors) -> lis
         eyes += [(v.name, np.array(v.position_m) - pane.centre) for v in placed]
         for eye, direction in eyes:
             local = pane.axes @ (direction / np.linalg.norm(direction))
-            seen = [float(emitted.maps[p.map].towards(local[0], local[1])) for p in parts]
-            luminance = float(area @ seen / area.sum()) if local[2] < 0 else 0.0
+            seen = np.array(
+                [[float(b.maps[p.map].towards(local[0], local[1])) for p in parts] for b in emitted.bands]
+            )
+            towards = seen @ area / area.sum() if local[2] < 0 else np.zeros(len(seen))
+            xy = chromaticity(towards) if len(seen) == 3 and towards.all() else None
             found.append(
                 PaneLuminance(
                     window=pane.name,
                     model=name,
                     view=eye,
-                    luminance_cd_m2=luminance,
+                    luminance_cd_m2=float(towards[len(seen) // 2]),
                     exitance_lm_m2=exitance,
                     sun_lx=sun,
                     sky_lx=sky,
                     sun_share=float(emitted.sun[index]),
+                    chromaticity_xy=None if xy is None else (float(xy[0]), float(xy[1])),
                 )
             )
     return found

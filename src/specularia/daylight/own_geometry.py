@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specularia.daylight._triangle_kernel import first_hits
+from specularia.daylight.colour import LUMINANCE
 from specularia.daylight.geometry import Face, Pane, Rectangle
 from specularia.daylight.job import RoomJob
 from specularia.errors import FormatError, RadianceError, SpeculariaWarning
@@ -81,8 +82,9 @@ class OwnRoom:
                 advice="Name the panes' materials in pane_materials of [geometry].",
             )
         rest = [p for p in found if not (p.kind == "polygon" and p.modifier in glass)]
+        self._primitives = rest
         self.text = "".join(p.text for p in rest)
-        shades = {p.name: float(np.mean(p.numbers[:3])) for p in rest if p.kind in _MATERIALS}
+        shades = {p.name: float(LUMINANCE @ p.numbers[:3]) for p in rest if p.kind in _MATERIALS}
         self.polygons: list[tuple[Array, float]] = [
             (p.numbers.reshape(-1, 3), shades.get(p.modifier, _OTHER)) for p in rest if p.kind == "polygon"
         ]
@@ -147,6 +149,14 @@ class OwnRoom:
                     f"{100 * open_behind:.0f} % of what lies behind it: it faces outwards",
                     advice="Reverse the order of its corners.",
                 )
+
+    @property
+    def coloured(self) -> bool:
+        """Whether any material has a colour."""
+        return any(
+            p.kind.startswith(("color", "spec")) or (p.kind in _MATERIALS and np.ptp(p.numbers[:3]) > 0.0)
+            for p in self._primitives
+        )
 
     def lifted(self, points: Array) -> Array:
         """Points as they are: sensors of a room of one's own are placed where light is wanted."""

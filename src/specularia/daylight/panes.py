@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from specularia.bsdf import ScatteringModel
+from specularia.bsdf import ScatteringModel, XmlModel
+from specularia.daylight.colour import Coloured, UvBand, to_rgb
 from specularia.daylight.emission import EmissionMap, back_reflectance, sun_map
 from specularia.daylight.geometry import Box, Pane, Rectangle
+from specularia.daylight.job import ModelFile
 from specularia.daylight.outdoors import Outdoors
 from specularia.daylight.own_geometry import OwnRoom
-from specularia.daylight.shading import Outside
+from specularia.daylight.shading import Outside, Shaded
 from specularia.daylight.transfer import SkyTransfer
+from specularia.errors import CoverageError
 
-__all__ = ["Glazing", "Light", "Lights", "lights"]
+__all__ = ["Glazing", "Light", "Lights", "lights", "named_glazing"]
 
 Array = NDArray[np.float64]
 
@@ -35,22 +38,45 @@ class Glazing:
     ----------
     model : needs transmission_front and transmission_back.
     source : file it came from, for the provenance.
+    chroma : models of CIE-X and CIE-Z, where it is known in colour; `model` is then that of Y.
     """
 
     @classmethod
-    def of(cls, given: ScatteringModel | Glazing | str | Path) -> Glazing:
-        """A model, or the one that a file holds."""
+    def of(
+        cls,
+        given: ScatteringModel | Coloured | Glazing | str | Path,
+        *,
+        cie_x: Path | None = None,
+        cie_z: Path | None = None,
+    ) -> Glazing:
+        """A model, or the one that a file holds; in colour where it has the bands CIE-X and CIE-Z.
+
+        `cie_x` and `cie_z` are the files of these bands, where each band has a file of its own.
+        """
+        from specularia import bsdf
+
         if isinstance(given, Glazing):
             return given
-        if isinstance(given, (str, Path)):
-            from specularia import bsdf
+        if isinstance(given, Coloured):
+            return cls(given.y, chroma=(given.x, given.z))
+        source = Path(given) if isinstance(given, (str, Path)) else None
+        model = bsdf.read(given) if isinstance(given, (str, Path)) else given
+        if cie_x is not None and cie_z is not None:
+            chroma = bsdf.read(cie_x, band="CIE-X"), bsdf.read(cie_z, band="CIE-Z")
+            return cls(model, source, chroma=chroma)
+        return cls(model, source, chroma=_other_bands(model))
 
-            return cls(bsdf.read(given), Path(given))
-        return cls(given)
-
-    def __init__(self, model: ScatteringModel, source: Path | None = None) -> None:
+    def __init__(
+        self,
+        model: ScatteringModel,
+        source: Path | None = None,
+        *,
+        chroma: tuple[ScatteringModel, ScatteringModel] | None = None,
+    ) -> None:
         self.model = model
         self.source = source
+        self.chroma = chroma
+        self._channels: tuple[Glazing, Glazing] | None = None
         self._transfer: dict[float, SkyTransfer] = {}
         self._reflectance: float | None = None
         self.assumed_reflectance = _CLEAR_GLASS
@@ -60,6 +86,23 @@ class Glazing:
         if sampling not in self._transfer:
             self._transfer[sampling] = SkyTransfer(self.model, sampling=sampling)
         return self._transfer[sampling]
+
+    @property
+    def bands(self) -> str:
+        """Names of the bands it is known in."""
+        return ", ".join(m.band for m in (self.model, *(self.chroma or ())))
+
+    @property
+    def channels(self) -> tuple[Glazing, Glazing, Glazing]:
+        """Those of X, Y and Z; of a model of one band, which counts as neutral, itself three times."""
+        if self.chroma is None:
+            return self, self, self
+        if self._channels is None:
+            x, z = (Glazing(m) for m in self.chroma)
+            # Bands without reflection reflect what Y does: grey.
+            x.assumed_reflectance = z.assumed_reflectance = self.reflectance
+            self._channels = x, z
+        return self._channels[0], self, self._channels[1]
 
     def undeflected(self, theta_deg: float) -> float:
         """Share of the sun's light that passes as a beam; see `references`."""
@@ -74,13 +117,50 @@ class Glazing:
         return self._reflectance
 
 
+def named_glazing(
+    files: Sequence[ModelFile], models: Mapping[str, ScatteringModel | Coloured | Glazing | str | Path]
+) -> dict[str, Glazing]:
+    """The models under comparison: those of files, then the given ones, which take the place of namesakes."""
+    own = {
+        m.name: Glazing.of(models[m.name])
+        if m.name in models
+        else Glazing.of(m.file, cie_x=m.cie_x, cie_z=m.cie_z)
+        for m in files
+    }
+    return own | {name: Glazing.of(m) for name, m in models.items() if name not in own}
+
+
+def _other_bands(model: ScatteringModel) -> tuple[ScatteringModel, ScatteringModel] | None:
+    """The models of CIE-X and CIE-Z in the file of a model of Y, or None where it has no colour."""
+    if not isinstance(model, XmlModel) or model.band not in ("Visible", "CIE-Y"):
+        return None
+    for names in (("CIE-X", "CIE-Z"), ("CIE-u", "CIE-v")):
+        held = [replace(model, parts=model.all_bands[b], band=b) for b in names if b in model.all_bands]
+        if len(held) == 1:
+            raise CoverageError(
+                f"the model holds {held[0].band} beside {model.band}, but not the third band; colour needs "
+                f"{names[0]}, CIE-Y (or Visible) and {names[1]}. Leave out the odd band, or add the missing "
+                "one."
+            )
+        if held and names[0] == "CIE-X":
+            return held[0], held[1]
+        if held:
+            return UvBand(model, *held, band="CIE-X"), UvBand(model, *held, band="CIE-Z")
+    return None
+
+
 @dataclass(frozen=True)
 class Light:
-    """Part of a pane that emits evenly: pane and map by their indices, and where on the glazing's face."""
+    """Part of a pane that emits evenly.
+
+    Pane and map by their indices, where it lies on the glazing's face, and the share of the sun that nothing
+    outside keeps from it.
+    """
 
     pane: int
     map: int
     rectangle: Rectangle
+    sun: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -97,6 +177,7 @@ class Lights:
     beam : [panes] lx square to the sun of what passes undeflected, see `beam`.
     sun_direction : [3] towards the sun, or None.
     triangles : [T, 3, 3] of all that stands outside.
+    chroma : the same in X and in Z, for rooms in colour; all else here is Y.
     """
 
     maps: list[EmissionMap]
@@ -108,6 +189,22 @@ class Lights:
     beam: Array
     sun_direction: Array | None
     triangles: Array
+    chroma: tuple[Lights, Lights] | None = None
+
+    @property
+    def bands(self) -> tuple[Lights, ...]:
+        """In X, Y and Z, or in Y alone."""
+        return (self,) if self.chroma is None else (self.chroma[0], self, self.chroma[1])
+
+    def channels(self, values: Sequence[Array]) -> Array:
+        """[..., C] of one array [...] for each of `bands`: as it is, or as R, G and B."""
+        joined = np.stack(values, axis=-1)
+        return joined if self.chroma is None else to_rgb(joined)
+
+    @property
+    def pane_reflectance(self) -> Array:
+        """[panes, C] of their room sides."""
+        return self.channels([b.reflectance for b in self.bands])
 
     @property
     def flux(self) -> float:
@@ -118,20 +215,63 @@ class Lights:
         """The lights of a pane."""
         return [light for light in self.lights if light.pane == pane]
 
+    def blurred(self, box: Box | OwnRoom) -> Lights:
+        """With beams as lobes of some degrees in the maps, for light that is reflected further on."""
+        if self.sun_direction is None or not np.any(self.beam > 0.0):
+            return self
+        maps = list(self.maps)
+        for light in {light.map: light for light in self.lights if self.beam[light.pane] > 0.0}.values():
+            towards = box.panes[light.pane].axes @ self.sun_direction
+            lit = light.sun * float(self.beam[light.pane]) * float(towards[2])
+            if lit > 0.0:
+                maps[light.map] = maps[light.map].with_lobe(towards, lit)
+        chroma = self.chroma and (self.chroma[0].blurred(box), self.chroma[1].blurred(box))
+        return replace(self, maps=maps, chroma=chroma)
+
     def coarsened(self) -> Lights:
         """The same light on every second node of the maps."""
         maps = [m.coarsened() for m in self.maps]
-        return replace(self, maps=maps)
+        chroma = self.chroma and (self.chroma[0].coarsened(), self.chroma[1].coarsened())
+        return replace(self, maps=maps, chroma=chroma)
 
 
 def _given(box: Box | OwnRoom, pane: Pane) -> float | None:
     """The reflectance that the job gives a pane."""
-    return box.job.window[pane.window].pane_reflectance if box.job.window else None
+    if box.job.geometry is not None:
+        return box.job.geometry.pane_reflectance
+    return box.job.window[pane.window].pane_reflectance
 
 
-def lights(box: Box | OwnRoom, glazing: Sequence[Glazing], outdoors: Outdoors, *, sampling: float) -> Lights:
-    """What every pane emits under this sun and sky, `glazing` being that of each pane in turn."""
+def lights(
+    box: Box | OwnRoom,
+    glazing: Sequence[Glazing],
+    outdoors: Outdoors,
+    *,
+    sampling: float,
+    colour: bool = False,
+) -> Lights:
+    """What every pane emits under this sun and sky, `glazing` being that of each pane in turn.
+
+    With `colour` in X and Z as well: light is linear, so each band is the same sum with its own model.
+    """
     outside = Outside(box, outdoors)
+    shade = [outside.shade(p, sampling) if len(outside.triangles) else None for p in box.panes]
+    bands = [
+        _band(box, [g.channels[k] for g in glazing], outdoors, outside, shade, sampling)
+        for k in ((0, 1, 2) if colour else (1,))
+    ]
+    return replace(bands[1], chroma=(bands[0], bands[2])) if colour else bands[0]
+
+
+def _band(
+    box: Box | OwnRoom,
+    glazing: Sequence[Glazing],
+    outdoors: Outdoors,
+    outside: Outside,
+    shade: Sequence[Shaded | None],
+    sampling: float,
+) -> Lights:
+    """`lights` in one band; `shade` says how each pane sees the outdoors."""
     dark = outdoors.zenith <= 0.0 and outdoors.ground <= 0.0
     suns: dict[tuple[int, bool, bytes], EmissionMap] = {}
     whole: dict[tuple[int, bool, bytes], int] = {}
@@ -144,7 +284,7 @@ def lights(box: Box | OwnRoom, glazing: Sequence[Glazing], outdoors: Outdoors, *
         cosine = 0.0 if towards is None else max(float(towards @ pane.axes[2]), 0.0)
         straight = glass.undeflected(float(np.degrees(np.arccos(min(cosine, 1.0))))) if cosine > 0.0 else 0.0
         beam[index] = straight * outdoors.sun_illuminance
-        shaded = outside.shade(pane, sampling) if len(outside.triangles) else None
+        shaded = shade[index]
         alone = shaded is None or not shaded.matters
         key = (id(glass), alone, pane.axes.tobytes())
         if key not in suns:
@@ -165,7 +305,10 @@ def lights(box: Box | OwnRoom, glazing: Sequence[Glazing], outdoors: Outdoors, *
         else:
             area = np.array([place.area for place in shaded.places])
             share[index] = float(area @ shaded.sun / area.sum())
-            found += [Light(index, first + k, place) for k, place in enumerate(shaded.places)]
+            found += [
+                Light(index, first + k, place, float(s))
+                for k, (place, s) in enumerate(zip(shaded.places, shaded.sun))
+            ]
             if dark and not shaded.instead.any():
                 maps += [replace(sun, luminance=s * sun.luminance) for s in shaded.sun]
             else:

@@ -26,6 +26,7 @@ from specularia import bsdf
 from specularia.bsdf.cells import is_isotropic
 from specularia.conventions import LUMINOUS_EFFICACY
 from specularia.daylight.camera import Camera
+from specularia.daylight.colour import luminous
 from specularia.daylight.geometry import Box, Pane
 from specularia.daylight.job import Reflectance, View
 from specularia.daylight.lit import file_name, sensor_pixels
@@ -241,7 +242,7 @@ class _Scene:
             data=data.astype("<f4").tobytes(),
             cwd=self.folder,
         )
-        return np.frombuffer(out, "<f4").reshape(-1, 3)[:, 1].astype(float) * LUMINOUS_EFFICACY
+        return luminous(np.frombuffer(out, "<f4").reshape(-1, 3).astype(float)) * LUMINOUS_EFFICACY
 
 
 def _write_tree(glazing: Glazing, path: Path, resolution: int) -> None:
@@ -338,7 +339,7 @@ def _image(name: str, view: View, scene: _Scene, folder: Path, provenance: Mappi
     luminance = seen.reshape(rows, columns)
     stem = file_name(f"{name}_{view.name}")
     hdr = write_hdr(
-        folder / f"{stem}.hdr", luminance, camera, what=f"specularia daylight, plain, model {name}"
+        folder / f"{stem}.hdr", luminance[..., None], camera, what=f"specularia daylight, plain, model {name}"
     )
     with atomic(folder / f"{stem}.npz") as temporary:
         arrays: dict[str, Any] = {"luminance": luminance.astype(np.float32), "units": "cd/m2", **provenance}

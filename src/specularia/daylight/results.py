@@ -28,6 +28,8 @@ class Point:
         `se`, see `uncertainty`; None where the model states none (`DaylightResult.intervals` says so).
     daylight_factor_percent : 100 times the illuminance over that of the overcast sky on the ground outside;
         None under any other sky (see `DaylightResult.no_daylight_factor`).
+    chromaticity_xy : CIE 1931 x and y, for sun and sky of equal-energy white; None in rooms of one band.
+    colour_temperature_k : correlated colour temperature, None where there is none.
     """
 
     name: str
@@ -38,6 +40,8 @@ class Point:
     indirect_lx: float
     interval_lx: tuple[float, float] | None = None
     daylight_factor_percent: float | None = None
+    chromaticity_xy: tuple[float, float] | None = None
+    colour_temperature_k: float | None = None
 
 
 @dataclass(frozen=True)
@@ -53,6 +57,7 @@ class GridResult:
     normal : [3] of the lit side.
     illuminance_lx, se, direct_lx, indirect_lx : [rows, columns], as in `Point`.
     daylight_factor_percent : [rows, columns], or None as in `Point`.
+    chromaticity_xy : [rows, columns, 2], or None as in `Point`.
     """
 
     name: str
@@ -66,6 +71,7 @@ class GridResult:
     direct_lx: NDArray[np.float64]
     indirect_lx: NDArray[np.float64]
     daylight_factor_percent: NDArray[np.float64] | None
+    chromaticity_xy: NDArray[np.float64] | None = None
 
     @property
     def mean_lx(self) -> float:
@@ -115,12 +121,13 @@ class Image:
     Attributes
     ----------
     model, name : of the scattering model and of the view.
-    hdr : Radiance picture; luminance is 179 times its green channel.
-    npz : the same as arrays: `luminance` [rows, columns] in cd/m2, row 0 at the top.
+    hdr : Radiance picture in its own primaries; luminance is 179 (0.265 R + 0.670 G + 0.065 B).
+    npz : the same as arrays: `luminance` [rows, columns] in cd/m2, row 0 at the top, and in colour `xyz`.
     luminance : that array; 0 outside the circle of a fisheye.
     view : what it was taken with.
     pixels : of every sensor that is in view: columns, rows counted from the upper left corner of the picture,
         pixel centres at halves; for labels.
+    xyz : [rows, columns, 3] tristimulus values, Y in cd/m2; None in rooms of one band.
     """
 
     model: str
@@ -130,6 +137,7 @@ class Image:
     luminance: NDArray[np.float64]
     view: View
     pixels: dict[str, tuple[float, float]]
+    xyz: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True)
@@ -144,6 +152,7 @@ class PaneLuminance:
     exitance_lm_m2 : light emitted into the room per area of pane.
     sun_lx, sky_lx : illuminance on an unshaded plane in the pane's place by the sun, and by sky and ground.
     sun_share : share of the sun's light that nothing outside keeps from the pane.
+    chromaticity_xy : of that luminance, as in `Point`.
     """
 
     window: str
@@ -154,6 +163,7 @@ class PaneLuminance:
     sun_lx: float
     sky_lx: float
     sun_share: float = 1.0
+    chromaticity_xy: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -170,6 +180,7 @@ class DaylightResult:
     no_daylight_factor : why points and grids have no daylight factor; empty where they have one.
     provenance : inputs, parameters, seed and versions.
     intervals : by model, what the intervals of its points rest on, or why there are none.
+    colour : by model, whether the room is lit in colour, and from what.
     """
 
     points: list[Point]
@@ -180,3 +191,4 @@ class DaylightResult:
     no_daylight_factor: str
     provenance: dict[str, str]
     intervals: dict[str, str] = field(default_factory=dict)
+    colour: dict[str, str] = field(default_factory=dict)

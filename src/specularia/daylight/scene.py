@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specularia.conventions import LUMINOUS_EFFICACY
-from specularia.daylight.emission import EmissionMap
-from specularia.daylight.geometry import Box
+from specularia.daylight.geometry import Box, Pane
 from specularia.daylight.obstacles import obstacle_faces
 from specularia.daylight.own_geometry import OwnRoom
 from specularia.daylight.panes import Light, Lights
@@ -56,7 +55,8 @@ class Scene:
     folder : where the files lie.
     box : the room.
     lights : what the panes emit.
-    width_deg : the least `EmissionMap.width_deg` of the maps; it sets how finely a pane is sampled.
+    width_deg : the least `EmissionMap.width_deg` of the maps, whatever their band; it sets how finely a pane
+        is sampled.
     sampling : density of points on the panes, times the quick one.
     """
 
@@ -67,46 +67,74 @@ class Scene:
     sampling: float
 
     @classmethod
-    def make(cls, folder: Path, box: Box | OwnRoom, lights: Lights, *, sampling: float) -> Scene:
-        """Write the emission maps and the walls."""
+    def make(
+        cls, folder: Path, box: Box | OwnRoom, lights: Lights, *, sampling: float, plates: bool = False
+    ) -> Scene:
+        """Write the emission maps and the walls.
+
+        With `plates` the panes reflect light from the room, which Radiance's light sources do not: a thin
+        sheet of trans before each scatters back its reflectance, and its map makes up for what the sheet
+        takes.
+        """
         (folder / "pane.cal").write_text(_CAL)
-        for k, m in enumerate(lights.maps):
-            (folder / f"map{k}.dat").write_text(_data(m))
+        for k, bands in enumerate(zip(*(b.maps for b in lights.bands), strict=True)):
+            values = lights.channels([m.luminance for m in bands])
+            if plates:
+                pane = next(light.pane for light in lights.lights if light.map == k)
+                values = values / _plate(lights.pane_reflectance[pane])[1]
+            for c, name in enumerate(_files(k, lights)):
+                (folder / name).write_text(_data(bands[0].s, bands[0].t, values[..., c]))
         (folder / "walls.rad").write_text(
             box.text + _obstacles(box) if isinstance(box, OwnRoom) else walls(box)
         )
-        lit = [m.width_deg() for m in lights.maps if m.luminance.max() > 0]
+        if plates:
+            with (folder / "walls.rad").open("a") as f:
+                f.writelines(_sheet(k, pane, box, lights) for k, pane in enumerate(box.panes))
+        lit = [m.width_deg() for b in lights.bands for m in b.maps if m.luminance.max() > 0]
         return cls(folder, box, lights, min(lit, default=90.0), sampling)
 
     def octree(self, name: str, *, cell: float, shift: tuple[float, float] = (0.0, 0.0)) -> str:
         """Make an octree with the panes cut into cells of about `cell` metres; returns its file name."""
-        text = "".join(_light(k, one, self.box, cell, shift) for k, one in enumerate(self.lights.lights))
+        text = "".join(
+            _light(k, one, _files(one.map, self.lights), self.box, cell, shift)
+            for k, one in enumerate(self.lights.lights)
+        )
         (self.folder / f"{name}.rad").write_text(text)
         octree = run(["oconv", "-f", "walls.rad", f"{name}.rad"], cwd=self.folder)
         (self.folder / f"{name}.oct").write_bytes(octree)
         return f"{name}.oct"
 
     def illuminance(self, octree: str, points: Array, normals: Array, *, fineness: float = 1.0) -> Array:
-        """[K] lx straight from the panes at points [K, 3] with normals [K, 3].
+        """[K, C] lx straight from the panes at points [K, 3] with normals [K, 3]; C as in `colour`.
 
         Points on a pane lie so densely that neighbours are seen under `width_deg` / (2 `fineness`) at most.
         """
         if len(points) == 0:
-            return np.zeros(0)
+            return np.zeros((0, self.channels))
         data = np.hstack([points, normals]).astype("<f4").tobytes()
         out = run(["rtrace", "-h", "-I", "-ff", *self._options(fineness), octree], data=data, cwd=self.folder)
-        return np.frombuffer(out, "<f4").reshape(-1, 3)[:, 1].astype(float) * LUMINOUS_EFFICACY
+        return self.read(np.frombuffer(out, "<f4").reshape(-1, 3))
+
+    @property
+    def channels(self) -> int:
+        """1, or 3 in colour."""
+        return 1 if self.lights.chroma is None else 3
+
+    def read(self, values: Array) -> Array:
+        """[K, C] lx or cd/m2 of what Radiance says, [K, 3] in watts; of grey light one channel is kept."""
+        kept = values[:, 1:2] if self.channels == 1 else values
+        return kept.astype(float) * LUMINOUS_EFFICACY
 
     def look(
         self, octree: str, origins: Array, directions: Array, *, fineness: float = 1.0
     ) -> tuple[Array, Array]:
-        """Luminance [K] in cd/m2 by light straight from the panes, and the points hit [K, 3]."""
+        """[K, C] cd/m2 by light straight from the panes, and the points hit [K, 3]."""
         data = np.hstack([origins, directions]).astype("<f4").tobytes()
         command = ["rtrace", "-h", "-ff", "-ovp", *self._options(fineness), octree]
         out = np.frombuffer(run(command, data=data, cwd=self.folder), "<f4").reshape(-1, 6).astype(float)
         points = out[:, 3:]
         self._check_closed(points)
-        return out[:, 1] * LUMINOUS_EFFICACY, points
+        return self.read(out[:, :3]), points
 
     def hits(self, octree: str, origins: Array, directions: Array) -> Array:
         """[K, 3] points that rays meet, without any light: rtrace casts them only."""
@@ -115,6 +143,25 @@ class Scene:
         points = np.frombuffer(out, "<f4").reshape(-1, 3).astype(float)
         self._check_closed(points)
         return points
+
+    def diffuse(self, origins: Array, directions: Array) -> tuple[Array, Array, Array]:
+        """What rays meet if the panes are holes: diffuse reflectance [K, C], points and unit normals [K, 3].
+
+        The reflectance is the radiance in even light of radiance 1. Normals face the ray; nothing met is NaN.
+        """
+        octree = run(["oconv", "-f", "walls.rad"], cwd=self.folder)
+        (self.folder / "bare.oct").write_bytes(octree)
+        data = np.hstack([origins, directions]).astype("<f4").tobytes()
+        even = ["-ab", "0", "-av", "1", "1", "1", "-aw", "0", "-lr", "0", "-st", "1"]
+        command = ["rtrace", "-h", "-ff", "-w", "-ovpN", *even, "bare.oct"]
+        out = np.frombuffer(run(command, data=data, cwd=self.folder), "<f4").reshape(-1, 9).astype(float)
+        rho, points, normals = self.read(out[:, :3]) / LUMINOUS_EFFICACY, out[:, 3:6], out[:, 6:]
+        away = np.sum(normals * directions, axis=1, keepdims=True) > 0.0
+        normals = np.where(away, -normals, normals)
+        met = (np.linalg.norm(normals, axis=1, keepdims=True) > 0.5) & (np.abs(points) < 1e9).all(
+            axis=1, keepdims=True
+        )
+        return np.where(met, rho, 0.0), np.where(met, points, np.nan), np.where(met, normals, np.nan)
 
     def _check_closed(self, points: Array) -> None:
         """Refuse view rays that left the box. A room from files may have openings."""
@@ -136,10 +183,38 @@ class Scene:
         ).split()
 
 
-def _data(m: EmissionMap) -> str:
-    """An emission map as a Radiance data file of radiances."""
-    head = [f"0 0 {a.size}\n" + "\n".join(f"{v:.7g}" for v in a) for a in (m.s, m.t)]
-    rows = (" ".join(f"{v:.6g}" for v in row) for row in m.luminance / LUMINOUS_EFFICACY)
+_PLATE_M = 1e-4
+"""Metres from a pane to the sheet that reflects in its place."""
+
+
+def _plate(rho: Array) -> tuple[Array, Array, float]:
+    """Colour [C] and transmission [C] of a sheet of trans that scatters back rho [C], and its share T.
+
+    Such a sheet scatters back C (1 - T) and lets C T pass straight.
+    """
+    most = float(np.clip(rho.max(), 1e-3, 0.95))
+    colour = np.clip(rho, 0.02 * most, None) / most
+    return colour, colour * (1.0 - most), 1.0 - most
+
+
+def _sheet(number: int, pane: Pane, box: Box | OwnRoom, lights: Lights) -> str:
+    colour, _, through = _plate(lights.pane_reflectance[number])
+    shade = " ".join(f"{c:.9g}" for c in np.broadcast_to(colour, (3,)))
+    face, g = box.faces[pane.face], pane.glass
+    corners = face.point(np.array([g.u0, g.u1, g.u1, g.u0]), np.array([g.v0, g.v0, g.v1, g.v1]))
+    material = f"void trans plate{number}\n0\n0\n7 {shade} 0 0 {through:.9g} 1\n\n"
+    return material + polygon(f"plate{number}", f"plate{number}.0", corners + _PLATE_M * face.normal)
+
+
+def _files(number: int, lights: Lights) -> list[str]:
+    """Names of the data files of a map: one, or one for each of R, G and B."""
+    return [f"map{number}{c}.dat" for c in ([""] if lights.chroma is None else "rgb")]
+
+
+def _data(s: Array, t: Array, luminance: Array) -> str:
+    """An emission map, or a channel of one, as a Radiance data file of radiances."""
+    head = [f"0 0 {a.size}\n" + "\n".join(f"{v:.7g}" for v in a) for a in (s, t)]
+    rows = (" ".join(f"{v:.6g}" for v in row) for row in luminance / LUMINOUS_EFFICACY)
     return "2\n" + "\n".join(head) + "\n" + "\n".join(rows) + "\n"
 
 
@@ -153,8 +228,8 @@ def walls(box: Box) -> str:
     """Everything opaque, as even scatterers; where a pane belongs there is a hole."""
     text = []
     for number, face in enumerate(box.faces.values()):
-        r = face.reflectance
-        text.append(f"void plastic face{number}\n0\n0\n5 {r:.9g} {r:.9g} {r:.9g} 0 0\n\n")
+        shade = " ".join(f"{r:.9g}" for r in face.rgb)
+        text.append(f"void plastic face{number}\n0\n0\n5 {shade} 0 0\n\n")
         for k, cell in enumerate(box.cells(face.name, 1e9, follow=True)):
             if cell.part < 0:
                 q = cell.rectangle
@@ -174,13 +249,17 @@ def _obstacles(box: OwnRoom) -> str:
     return "".join(text)
 
 
-def _light(index: int, light: Light, box: Box | OwnRoom, cell: float, shift: tuple[float, float]) -> str:
-    """Part of a pane as light polygons whose normals point into the room."""
+def _light(
+    index: int, light: Light, files: list[str], box: Box | OwnRoom, cell: float, shift: tuple[float, float]
+) -> str:
+    """Part of a pane as light polygons whose normals point into the room; `files` hold its map."""
     pane = box.panes[light.pane]
     x, y, out = pane.axes
     numbers = " ".join(f"{c:.9g}" for c in np.concatenate([x, y, -out]))
+    pattern = "brightdata" if len(files) == 1 else "colordata"
+    words = ["noop"] * len(files) + [*files, "pane.cal", "pane_s", "pane_t"]
     text = [
-        f"void brightdata map{index}\n5 noop map{light.map}.dat pane.cal pane_s pane_t\n0\n9 {numbers}\n\n",
+        f"void {pattern} map{index}\n{len(words)} {' '.join(words)}\n0\n9 {numbers}\n\n",
         f"map{index} light glow{index}\n0\n0\n3 1 1 1\n\n",
     ]
     face, g = box.faces[pane.face], light.rectangle

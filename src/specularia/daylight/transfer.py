@@ -9,12 +9,14 @@ serve every sky, hour, wall and shaded place.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import RectBivariateSpline
+from scipy.sparse import csr_array
 
 from specularia.bsdf import ScatteringModel
 from specularia.conventions import disk_to_square, square_to_disk
@@ -41,6 +43,22 @@ def bin_directions() -> Array:
     k = (np.arange(BINS) + 0.5) / BINS
     x, y = square_to_disk(*(v.ravel() for v in np.meshgrid(k, k, indexing="ij")))
     return np.stack([x, y, np.sqrt(np.maximum(1.0 - x * x - y * y, 0.0))], axis=1)
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """What the nodes of a grid show of the outdoors.
+
+    Attributes
+    ----------
+    sky : [nodes] cd/m2 if nothing stands outside.
+    share, light : [nodes, BINS^2], sparse: how much of each bin's luminance a node shows, and that times the
+        luminance.
+    """
+
+    sky: Array
+    share: Any
+    light: Any
 
 
 class SkyTransfer:
@@ -77,6 +95,7 @@ class SkyTransfer:
         self.theta[-1] = np.degrees(np.arcsin(RIM))
         self.phi = np.linspace(0.0, 360.0, 2 * n + 1)
         self.isotropic = isotropic
+        self._last: tuple[Outdoors, Array, _Seen] | None = None
         self._points: list[list[tuple[Array, Array, Array]]] = []
         for j, theta in enumerate(self.theta):
             turns = self.phi[:1] if isotropic or j == 0 else self.phi[:-1]
@@ -98,9 +117,21 @@ class SkyTransfer:
         -------
         [P, theta, phi] cd/m2; one place if nothing is hidden.
         """
-        places = 1 if hidden is None else len(hidden)
-        out = np.empty((places, self.theta.size, self.phi.size))
-        for j, row in enumerate(self._points):
+        seen = self._seen(axes, outdoors)
+        flat = seen.sky[:, None]
+        if hidden is not None and instead is not None:
+            flat = flat + seen.share @ instead.T - seen.light @ hidden.T
+        out = np.empty((flat.shape[1], self.theta.size, self.phi.size))
+        out[:, :, :-1] = flat.T.reshape(-1, self.theta.size, self.phi.size - 1)
+        out[:, :, -1] = out[:, :, 0]
+        return out
+
+    def _seen(self, axes: Array, outdoors: Outdoors) -> _Seen:
+        """What the nodes show of these outdoors; kept for the next pane that looks the same way."""
+        if self._last is not None and self._last[0] is outdoors and np.array_equal(self._last[1], axes):
+            return self._last[2]
+        shares, lights, bins, sky = [], [], [], []
+        for row in self._points:
             for k in range(self.phi.size - 1):
                 x, y, share = row[k if len(row) > 1 else 0]
                 turn = np.radians(self.phi[k]) if self.isotropic else 0.0
@@ -108,12 +139,18 @@ class SkyTransfer:
                 x, y = x * c - y * d, x * d + y * c
                 outward = np.sqrt(np.maximum(1.0 - x * x - y * y, 0.0))
                 light = share * outdoors.luminance(np.stack([x, y, outward], axis=1) @ axes)
-                out[:, j, k] = light.sum()
-                if hidden is not None and instead is not None:
-                    b = _bin(x, y)
-                    out[:, j, k] += instead[:, b] @ share - hidden[:, b] @ light
-        out[:, :, -1] = out[:, :, 0]
-        return out
+                shares.append(share)
+                lights.append(light)
+                bins.append(_bin(x, y))
+                sky.append(light.sum())
+        ends = np.cumsum([0, *(len(b) for b in bins)])
+        places, shape = np.concatenate(bins), (len(bins), BINS**2)
+        found = _Seen(
+            np.array(sky),
+            *(csr_array((np.concatenate(v), places, ends), shape=shape) for v in (shares, lights)),
+        )
+        self._last = (outdoors, axes.copy(), found)
+        return found
 
     def at(self, table: Array, ux: Array, uy: Array) -> Array:
         """Values of one of `tables` towards direction cosines, by cubic splines between the nodes."""

@@ -28,6 +28,7 @@ __all__ = [
     "letter",
     "model_name",
     "no_data_patch",
+    "number",
     "numbers_beside",
     "save",
     "write_csv",
@@ -129,6 +130,15 @@ def letter(index: int) -> str:
         index, rest = divmod(index - 1, 26)
         text = chr(ord("a") + rest) + text
     return f"({text})"
+
+
+def number(value: float, digits: int = 4) -> str:
+    """A number to so many significant digits, with commas and without an exponent.
+
+    >>> number(12345.0, 3), number(0.25)
+    ('12,300', '0.25')
+    """
+    return f"{float(f'{value:.{digits}g}'):,.12g}"
 
 
 def numbers_beside(path: str | Path) -> Path | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from specularia.report.figures.budget import budget
+from specularia.report.figures.colour import colour_pictures
 from specularia.report.figures.curves import sections, tau_curves
 from specularia.report.figures.cutoff import cutoff
 from specularia.report.figures.day import day_curves
@@ -21,6 +22,7 @@ from specularia.report.figures.texture import abbott_curve, directions, power_sp
 __all__ = [
     "abbott_curve",
     "budget",
+    "colour_pictures",
     "contrast_over_gap",
     "cutoff",
     "day_curves",

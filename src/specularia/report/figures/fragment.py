@@ -11,6 +11,7 @@ from matplotlib.colors import PowerNorm
 from matplotlib.ticker import FuncFormatter
 
 from specularia.report import style
+from specularia.report.figures.colour import screen
 
 if TYPE_CHECKING:
     from specularia.daylight.fragment import Contrast, FragmentPicture
@@ -23,12 +24,13 @@ def fragment_pictures(
 ) -> Path:
     """Draw the fragment as the eye sees it: a row for each model, a column for each gap, one scale for all.
 
-    Grey stands for luminance, with the steps of a photograph (power 1/2.2).
+    Grey stands for luminance, with the steps of a photograph (power 1/2.2); models of three bands are in
+    colour.
 
     Parameters
     ----------
-    pictures : records with `model`, `gap_mm`, `luminance` [row, column] in cd/m2, row 0 at the top, `covered`
-        and `extent_mm`; each model at the same gaps.
+    pictures : records with `model`, `gap_mm`, `luminance` [row, column] in cd/m2, row 0 at the top,
+        `covered`, `extent_mm` and `xyz` [row, column, 3] or None; each model at the same gaps.
     path : PNG to write; an NPZ of the same name gets `luminance_k`, `model_k`, `gap_mm_k` and `extent_mm_k`.
     invented : True says below the pictures that the outline is not that of a find.
     synthetic : True labels the figure.
@@ -48,7 +50,7 @@ def fragment_pictures(
         axes = figure.subplots(len(models), len(gaps), squeeze=False)
         for k, picture in enumerate(pictures):
             panel = axes[models.index(picture.model), gaps.index(picture.gap_mm)]
-            image = panel.imshow(
+            grey = panel.imshow(
                 picture.luminance,
                 cmap="gray",
                 norm=norm,
@@ -57,6 +59,9 @@ def fragment_pictures(
                 # More pixels than the figure has are averaged, or print would fall between them.
                 interpolation="antialiased",
             )
+            if picture.xyz is not None:
+                shown = screen([picture.xyz], white=top)[0]
+                panel.imshow(shown, extent=picture.extent_mm, origin="upper", interpolation="antialiased")
             panel.contour(
                 picture.covered,
                 levels=[0.5],
@@ -80,15 +85,16 @@ def fragment_pictures(
         )
         panel.plot([x0, x0 + 10.0], [y0, y0], color="black", linewidth=1.6, zorder=4, solid_capstyle="butt")
         panel.text(x0 + 5.0, y0 + 0.7, "10 mm", ha="center", va="bottom", fontsize=6.0, zorder=4)
-        bar = figure.colorbar(image, ax=axes, fraction=0.03, pad=0.015, shrink=0.9, extend="max")
+        bar = figure.colorbar(grey, ax=axes, fraction=0.03, pad=0.015, shrink=0.9, extend="max")
         bar.set_label("luminance L (cd/m²)")
-        bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:,.4g}"))
+        bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: style.number(v)))
         numbers: dict[str, object] = {}
         for k, picture in enumerate(pictures):
             numbers |= {
                 f"luminance_{k}": picture.luminance.astype(np.float32),
                 f"model_{k}": picture.model,
                 f"gap_mm_{k}": picture.gap_mm,
+                **({} if picture.xyz is None else {f"xyz_{k}": picture.xyz.astype(np.float32)}),
                 f"extent_mm_{k}": picture.extent_mm,
             }
         style.write_npz(Path(path).with_suffix(".npz"), numbers)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -111,20 +111,35 @@ def illuminance_plans(grids: Sequence[GridResult], path: str | Path, *, syntheti
                 shown = np.where(value > 0, value, np.nan)
                 middles = (0.5 * (a[1:] + a[:-1]) for a in (x, y))
                 lines = panel.contour(*middles, shown, levels=levels, colors="white", linewidths=0.7)
-                panel.clabel(lines, fontsize=5.5, fmt=lambda v: f"{v:,.4g}")
+                _label(panel, lines, grid)
             if k:
                 panel.set_ylabel("")
-            told = f"mean {grid.mean_lx:,.3g} lx, least {grid.min_lx:,.3g} lx"
+            told = f"mean {style.number(grid.mean_lx, 3)} lx, least {style.number(grid.min_lx, 3)} lx"
             if grid.daylight_factor_percent is not None:
                 told += f"\nmean daylight factor {float(grid.daylight_factor_percent.mean()):.3g} %"
             panel.set_title(f"{style.letter(k)}  {style.model_name(grid.model)}\n{told}", fontsize=7.0)
             numbers |= {f"model_{k}": grid.model, f"illuminance_lx_{k}": value, f"se_{k}": grid.se}
             if grid.daylight_factor_percent is not None:
                 numbers[f"daylight_factor_percent_{k}"] = grid.daylight_factor_percent
-        bar = figure.colorbar(picture, ax=list(axes), fraction=0.04, pad=0.02)
+        bar = figure.colorbar(picture, cax=axes[-1].inset_axes((1.05, 0.0, 0.06, 1.0)))
         bar.set_label("illuminance E (lx)")
         bar.ax.yaxis.set_major_locator(LogLocator(subs=_STEPS))
-        bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:,.4g}"))
+        bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: style.number(v)))
         bar.ax.yaxis.set_minor_formatter(NullFormatter())
         style.write_npz(Path(path).with_suffix(".npz"), numbers)
         return style.save(figure, path, synthetic=synthetic)
+
+
+def _label(panel: Axes, lines: Any, grid: GridResult) -> None:
+    """Label isolux lines, each in its middle, and leave out labels that would lie on another one."""
+    width, height = (edges(a)[-1] for a in (grid.along_m, grid.across_m))
+    taken: list[Array] = []
+    for outline in lines.get_paths():
+        for part in outline.to_polygons(closed_only=False):
+            if np.hypot(*np.diff(part, axis=0).T).sum() < 0.25 * width:
+                continue
+            top = part[int(np.argmax(part[:, 1]))]
+            if all(abs(top[0] - t[0]) > 0.25 * width or abs(top[1] - t[1]) > 0.05 * height for t in taken):
+                taken.append(top)
+    if taken:
+        panel.clabel(lines, fontsize=5.5, fmt=lambda v: style.number(v), manual=[tuple(t) for t in taken])

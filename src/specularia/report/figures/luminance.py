@@ -123,7 +123,7 @@ def luminance_maps(
         bar = figure.colorbar(picture, cax=axes[-1].inset_axes((1.03, 0.0, 0.04, 1.0)), extend="both")
         bar.set_label("luminance L (cd/m²)")
         bar.ax.yaxis.set_major_locator(LogLocator(subs=_ISOLINES))
-        bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:,.4g}"))
+        bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: style.number(v)))
         bar.ax.yaxis.set_minor_formatter(NullFormatter())
         for level in levels:
             bar.ax.axhline(level, color="white", linewidth=0.45)
@@ -213,7 +213,7 @@ def _limits(maps: Sequence[Array]) -> tuple[float, float]:
 
 def _lux(value: float) -> str:
     """Illuminance to three significant digits."""
-    return f"{float(f'{value:.3g}'):,.6g} lx"
+    return f"{style.number(value, 3)} lx"
 
 
 def _wrapped(parts: Sequence[str], each: int = 2) -> str:
