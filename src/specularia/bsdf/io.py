@@ -48,7 +48,7 @@ def read(path: str | Path, *, band: str | None = None) -> TabulatedModel | XmlMo
     Parameters
     ----------
     path : a WINDOW XML file (Klems or tensor tree, from anyone) or a netCDF file of this package.
-    band : for XML with several bands, the one to take; None takes Visible.
+    band : for files with several bands, the one to take; None takes Visible in XML, and all in netCDF.
 
     Raises
     ------
@@ -63,7 +63,8 @@ def read(path: str | Path, *, band: str | None = None) -> TabulatedModel | XmlMo
             file=path, expected="a BSDF file (.nc or .xml)", found=str(error.strerror)
         ) from error
     if head.startswith((b"\x89HDF\r\n\x1a\n", b"CDF")):
-        return read_model(path)
+        model = read_model(path)
+        return model if band is None or not model.more else model.in_band(band)
     if head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<") or head.startswith((b"\xff\xfe", b"\xfe\xff")):
         return read_xml(path, band=band)
     raise FormatError(
@@ -131,10 +132,16 @@ def write(
                 SpeculariaWarning,
                 stacklevel=2,
             )
-        trees = _build_all(
-            model, path, basis=basis, resolution=6 if resolution is None else resolution, cull=cull
-        )
+        how = {"basis": basis, "resolution": 6 if resolution is None else resolution, "cull": cull}
+        trees = _build_all(model, path, **how)  # type: ignore[arg-type]
         parts = {s: TreePart(t.tree) for s, t in trees.items()}
+        others = model.more if isinstance(model, TabulatedModel) else {}
+        if others:
+            assert isinstance(model, TabulatedModel)
+            found = {b: _build_all(model.in_band(b), path, **how) for b in others}  # type: ignore[arg-type]
+            more = {b: {s: TreePart(t.tree) for s, t in sides.items()} for b, sides in found.items()}
+            # In the order of Radiance's own files.
+            more = {b: more.get(b, parts) for b in sorted({*more, model.band})}
     origins = {s: _origin(model, s) for s in parts}
     measured = attributes.get("measured_band", model.band)
     text = xml_write.document(

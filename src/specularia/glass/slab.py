@@ -82,6 +82,8 @@ class Slab:
         light swinging at right angles to the plane of incidence (s), -1 in it (p). At normal incidence that
         plane is the one that holds phi_deg.
     patch : a finite pane in place of one that goes on for ever.
+    colour : illuminant of the CIE, such as "D65", under which models of the pane hold the bands CIE-X,
+        Visible and CIE-Z; None for models at one wavelength.
     sources : files the pane was read from, for provenance.
     synthetic : True where any part of it is synthetic; the label goes with what is computed from it.
     """
@@ -98,6 +100,7 @@ class Slab:
     synthetic: bool = False
     incident: tuple[float, float, float] = UNPOLARISED
     patch: Patch | None = None
+    colour: str | None = None
 
     def __post_init__(self) -> None:
         if not 0.0 < self.thickness_mm < float("inf"):
