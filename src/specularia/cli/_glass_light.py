@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from specularia.glass import Slab
     from specularia.glass.model import Traced
 
-__all__ = ["colour_of_model", "colour_of_pane", "colours"]
+__all__ = ["colour_of_model", "colour_of_pane", "colours", "film"]
 
 
 def colours(
@@ -159,3 +159,78 @@ def _told(theta: Any, xyz: Any, illuminant: str) -> tuple[dict[str, Any], list[s
     rows = [[float(t), *(float(v) for v in a), *(float(v) for v in b)] for t, a, b in zip(theta, xyz, colour)]
     header = ["theta_i", "X", "Y", "Z", "L*", "a*", "b*"]
     return payload, ["", f"Transmitted, relative to CIE {illuminant}:", *table(header, rows)]
+
+
+def film(
+    glass: Annotated[
+        Path, typer.Argument(metavar="GLASS.toml", help="A pane with [front.film] or [back.film].")
+    ],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="OUT.png with its numbers in OUT.csv; or OUT.csv.")
+    ] = None,
+    theta: Annotated[
+        str, typer.Option("--theta", help="Incident angles in degrees, A,B,...")
+    ] = "0,20,40,60,82.5",
+    wavelength: Annotated[
+        float, typer.Option("--wavelength", min=200.0, max=20000.0, help="Of the laser, in nm.")
+    ] = 520.0,
+    illuminant: Annotated[str, typer.Option("--illuminant", help="Of the CIE, such as D65, E or A.")] = "D65",
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """What thin films do to a pane without its relief, over the spectrum: exact, and how far off a laser may
+    be.
+
+    A laser sees one wavelength, which can sit on a fringe: its transmission and reflection stand beside the
+    means over the visible spectrum and the range of both in it.
+    """
+    if output is not None and output.suffix.lower() not in (".csv", ".png"):
+        raise typer.BadParameter(f"{output} must end in .csv or .png", param_hint="-o")
+    angles = numbers(theta, option="--theta")
+    if not all(0.0 <= t < 90.0 for t in angles):
+        raise typer.BadParameter("angles in 0 <= theta < 90 degrees are wanted", param_hint="--theta")
+    with session(quiet=quiet):
+        import numpy as np
+
+        from specularia.files import writable
+        from specularia.glass import film_spread, read_slab
+        from specularia.glass.colour import OBSERVER, WAVELENGTHS_NM, lab
+
+        if output is not None:
+            writable(output)
+        slab = read_slab(glass)
+        medium = slab.medium
+        found = film_spread(
+            theta_deg=angles,
+            index=np.array([medium.index_at(float(w)) for w in WAVELENGTHS_NM]),
+            absorption_per_mm=np.array([medium.absorption_at(float(w)) for w in WAVELENGTHS_NM]),
+            thickness_mm=slab.thickness_mm,
+            front=slab.front.film,
+            back=slab.back.film,
+            laser=(wavelength, medium.index_at(wavelength), medium.absorption_at(wavelength)),
+            illuminant=illuminant,
+        )
+        names = ("tau_laser", "tau_visible", "tau_range", "rho_laser", "rho_visible", "rho_range")
+        payload: dict[str, Any] = {"theta_deg": found.theta_deg, "laser_nm": wavelength}
+        payload |= {name: getattr(found, name) for name in (*names, "tau_xyz", "rho_xyz")}
+        payload |= {"tau_lab": lab(found.tau_xyz), "rho_lab": lab(found.rho_xyz)}
+        payload |= {"illuminant": f"CIE {illuminant}", "observer": OBSERVER, "relief": "left out"}
+        rows = [
+            [float(t), *(float(v) for name in names for v in np.atleast_1d(getattr(found, name)[k]))]
+            for k, t in enumerate(found.theta_deg)
+        ]
+        header = ["theta_i"]
+        for what in ("tau", "rho"):
+            header += [f"{what} {wavelength:g} nm", "visible", "least", "greatest"]
+        lines = table(header, rows)
+        if output is not None:
+            from specularia.report.figures.film import film_figure, write_film
+
+            written = [output.with_suffix(".csv")]
+            if output.suffix.lower() == ".png":
+                written = [film_figure(found, output, synthetic=slab.synthetic), *written]
+            else:
+                write_film(found, output)
+            payload["written"] = [str(p.resolve()) for p in written]
+            lines += [f"written: {p}" for p in written]
+        emit(payload, as_json=as_json, lines=lines)

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 app = typer.Typer(no_args_is_help=True, help="The pane as a slab between two reliefs: tracing and Model C.")
 
 app.command("colours")(_glass_light.colours)
+app.command("film")(_glass_light.film)
 
 Glass = Annotated[
     Path, typer.Argument(metavar="GLASS.toml", help="The pane: faces, medium, bubbles.", show_default=False)

@@ -13,15 +13,26 @@ from specularia.glass.reweight import reweight
 from specularia.glass.settings import read_slab
 from specularia.glass.slab import Slab, patches
 from specularia.glass.swatches import Swatches, swatches
+from specularia.glass.thin_film import (
+    Amplitudes,
+    Film,
+    FilmSpread,
+    amplitudes,
+    film_spread,
+    flat_slab_with_films,
+)
 from specularia.glass.trace import EnergyBalance, Paths, trace, trace_paths
 
 __all__ = [
     "GLASSES",
+    "Amplitudes",
     "BubbleKind",
     "Bubbles",
     "Colouring",
     "EnergyBalance",
     "Face",
+    "Film",
+    "FilmSpread",
     "Inside",
     "IronManganese",
     "Medium",
@@ -30,8 +41,11 @@ __all__ = [
     "Slab",
     "Spectrum",
     "Swatches",
+    "amplitudes",
     "closed_form",
     "colouring",
+    "film_spread",
+    "flat_slab_with_films",
     "model",
     "patches",
     "read_bubbles",

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from specularia.errors import PhysicsError, SpeculariaWarning
 from specularia.glass import tiling as tilings
+from specularia.glass.thin_film import Film
 from specularia.glass.tiling import Tiling, TilingReport
 from specularia.surface.heightmap import HeightMap, filled
 
@@ -41,6 +42,7 @@ class Face:
     max_missing : a map of which a larger share is missing is refused, 0 to 1; otherwise gaps are filled.
     sealant_index : index of a liquid that fills the relief up to a plane surface, > 1; None for none. The
         plane stands at the highest point of the relief, and the liquid does not absorb.
+    film : thin layers on the surface, see `thin_film.Film`.
     """
 
     heights_um: Array | None
@@ -50,8 +52,11 @@ class Face:
     name: str = "face"
     max_missing: float = MISSING_LIMIT
     sealant_index: float | None = None
+    film: Film | None = None
 
     def __post_init__(self) -> None:
+        if self.film is not None and self.sealant_index is not None:
+            raise PhysicsError(f"{self.name}: a thin film under a liquid is not provided for; choose one.")
         if self.sealant_index is not None and not 1.0 < self.sealant_index < 5.0:
             raise PhysicsError(
                 f"{self.name}: the index of a sealant lies between 1 and 5, not at {self.sealant_index}."
@@ -76,9 +81,11 @@ class Face:
             raise PhysicsError(f"{self.name}: max_missing is a share of 0 to 1, not {self.max_missing}.")
 
     @classmethod
-    def flat(cls, name: str = "face", *, sealant_index: float | None = None) -> Self:
+    def flat(
+        cls, name: str = "face", *, sealant_index: float | None = None, film: Film | None = None
+    ) -> Self:
         """A flat face."""
-        return cls(heights_um=None, name=name, sealant_index=sealant_index)
+        return cls(heights_um=None, name=name, sealant_index=sealant_index, film=film)
 
     @classmethod
     def from_map(
@@ -89,6 +96,7 @@ class Face:
         name: str = "",
         max_missing: float = MISSING_LIMIT,
         sealant_index: float | None = None,
+        film: Film | None = None,
     ) -> Self:
         """The face that a height map describes.
 
@@ -102,6 +110,7 @@ class Face:
             name=name or height_map.name or "face",
             max_missing=max_missing,
             sealant_index=sealant_index,
+            film=film,
         )
 
     @property

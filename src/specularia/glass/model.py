@@ -17,7 +17,7 @@ from specularia.glass.colour import CIE_BANDS, OBSERVER, Colouring, colouring
 from specularia.glass.colour import WAVELENGTHS_NM as COLOUR_NM
 from specularia.glass.directions import ColouredOutcome, Direction, Outcome, Pool, Task, trace_directions
 from specularia.glass.effort import DEFAULT_PATHS, Effort
-from specularia.glass.slab import Slab
+from specularia.glass.slab import Slab, refuse_films
 from specularia.glass.tally import HALF_WIDTH, Distribution
 from specularia.glass.trace import (
     WAVELENGTH_NM,
@@ -114,6 +114,8 @@ def traced_model(
     if azimuths is not None and azimuths < 3:
         raise PhysicsError(f"an anisotropic model needs at least 3 azimuths, not {azimuths}.")
     illuminant = colour or slab.colour
+    if illuminant is not None:
+        refuse_films(slab)
     if illuminant is not None and patches is not None:
         raise PhysicsError("the spread between patches is computed for one wavelength; leave out the colour.")
     how = None if illuminant is None else colouring(slab.medium, illuminant=illuminant)
@@ -219,6 +221,10 @@ def _described(slab: Slab, wavelength_nm: float, how: Colouring | None) -> dict[
         "thickness_mm": slab.thickness_mm,
         **light,
         "polarised": slab.polarised,
+        "films": {
+            name: None if face.film is None else [face.film.thickness_nm, list(map(str, face.film.index))]
+            for name, face in (("front", slab.front), ("back", slab.back))
+        },
         "bubbles": 0 if slab.all_bubbles is None else len(slab.all_bubbles),
         "front": slab.front.name,
         "front_tiling": "flat" if slab.front.is_flat else slab.front.tiling,

@@ -19,6 +19,10 @@ tiling = "periodic"           # periodic | mirror | blend; without it periodic f
 max_missing = 0.05            # a map of which a larger share is missing is refused
 sealant_index = 1.5           # optional: a liquid that fills the relief up to a plane surface
 
+[front.film]                  # optional, on either face: thin layers that follow the surface
+thickness_nm = 300.0          # one number, or a list from the air to the glass
+index = 1.45                  # as many numbers n, or pairs [n, k]
+
 [back]
 flat = true
 
@@ -66,6 +70,7 @@ from specularia.glass.medium import Medium, Spectrum
 from specularia.glass.patch import Patch, Sides
 from specularia.glass.pigments import GLASSES, IronManganese
 from specularia.glass.slab import UNPOLARISED, Slab
+from specularia.glass.thin_film import Film
 from specularia.jobs import FilePath, Job, load_toml
 
 __all__ = ["GlassJob", "read_slab"]
@@ -159,6 +164,33 @@ class MediumJob(Job):
         return self.spectrum
 
 
+Refraction = Annotated[float, Field(gt=0.0, lt=10.0)]
+Extinction = Annotated[float, Field(ge=0.0, lt=20.0)]
+
+
+class FilmJob(Job):
+    """[front.film], [back.film]: thin layers on a face."""
+
+    thickness_nm: Positive | list[Positive]
+    """One layer, or several from the air to the glass."""
+    index: Refraction | list[Refraction | tuple[Refraction, Extinction]]
+    """Index against air of each layer, a number or a pair [n, k]; the same at all wavelengths."""
+
+    @model_validator(mode="after")
+    def _as_many(self) -> Self:
+        thickness, index = self.layers
+        if not thickness or len(thickness) != len(index):
+            raise ValueError("as many thicknesses as indices; of one layer that absorbs, index = [[n, k]]")
+        return self
+
+    @property
+    def layers(self) -> tuple[list[float], list[complex]]:
+        """Thicknesses in nm and complex indices."""
+        thickness = self.thickness_nm if isinstance(self.thickness_nm, list) else [self.thickness_nm]
+        index = self.index if isinstance(self.index, list) else [self.index]
+        return thickness, [complex(*n) if isinstance(n, tuple) else complex(n) for n in index]
+
+
 class FaceJob(Job):
     """[front], [back]: a height map, or flat = true."""
 
@@ -175,12 +207,24 @@ class FaceJob(Job):
     """Share of missing pixels above which the map is refused; fewer are filled from their surroundings."""
     sealant_index: Annotated[float, Field(gt=1.0, lt=5.0)] | None = None
     """Index of a liquid that fills the relief up to a plane surface."""
+    film: FilmJob | None = None
+    """Thin layers that follow the surface."""
 
     @model_validator(mode="after")
     def _one_of_two(self) -> Self:
         if self.flat == (self.heights is not None):
             raise ValueError("either heights or flat = true")
+        if self.film is not None and self.sealant_index is not None:
+            raise ValueError("film or sealant_index, not both")
         return self
+
+    @property
+    def layers(self) -> Film | None:
+        """The film of the face."""
+        if self.film is None:
+            return None
+        thickness, index = self.film.layers
+        return Film(tuple(thickness), tuple(index))
 
 
 class Diameter(Job):
@@ -356,8 +400,9 @@ def read_slab(path: str | Path, *, seed: int = 0) -> Slab:
     synthetic = False
     faces: dict[str, Face] = {}
     for name, face in (("front", job.front), ("back", job.back)):
+        film = _checked(path, lambda: face.layers)  # noqa: B023 (called at once)
         if face.heights is None:
-            faces[name] = Face.flat(name, sealant_index=face.sealant_index)
+            faces[name] = Face.flat(name, sealant_index=face.sealant_index, film=film)
             continue
         height_map = surface.read(face.heights, pitch_um=face.pitch_um)
         sources.append(face.heights)
@@ -370,6 +415,7 @@ def read_slab(path: str | Path, *, seed: int = 0) -> Slab:
             name=face.heights.name,
             max_missing=face.max_missing,
             sealant_index=face.sealant_index,
+            film=film,
         )
     absorption: float | Spectrum
     spectrum_file = job.medium.spectrum_file

@@ -12,7 +12,7 @@ from specularia.errors import PhysicsError
 from specularia.glass.colour import OBSERVER, colouring, lab
 from specularia.glass.effort import REPLICATES
 from specularia.glass.medium import Medium
-from specularia.glass.slab import Slab
+from specularia.glass.slab import Slab, refuse_films
 from specularia.glass.trace import WAVELENGTH_NM, LightSide, trace_paths
 
 __all__ = ["Swatches", "swatches"]
@@ -82,6 +82,7 @@ def swatches(
     thickness = np.asarray(thickness_mm, float)
     if thickness.ndim != 1 or thickness.size == 0 or not np.all((thickness > 0) & np.isfinite(thickness)):
         raise PhysicsError("thicknesses in mm must be positive.")
+    refuse_films(slab)
     if not media:
         raise PhysicsError("name at least one glass.")
     traced = trace_paths(

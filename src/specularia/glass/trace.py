@@ -166,6 +166,7 @@ def trace_paths(
         weight,
         absorbed,
         way,
+        slab.films_at(wavelength_nm),
     )
     return Paths(
         ux=ux,
