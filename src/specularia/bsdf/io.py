@@ -15,6 +15,7 @@ from specularia.bsdf import xml_write
 from specularia.bsdf.azimuth import azimuth_loss
 from specularia.bsdf.build_rank4 import build_tensor4
 from specularia.bsdf.build_tree import Built, build_sides
+from specularia.bsdf.chroma import chroma_trees
 from specularia.bsdf.model import Array, ScatteringModel
 from specularia.bsdf.tabulated import TabulatedModel
 from specularia.bsdf.tabulated_io import read_model, write_model
@@ -48,7 +49,7 @@ def read(path: str | Path, *, band: str | None = None) -> TabulatedModel | XmlMo
     Parameters
     ----------
     path : a WINDOW XML file (Klems or tensor tree, from anyone) or a netCDF file of this package.
-    band : for XML with several bands, the one to take; None takes Visible.
+    band : for files with several bands, the one to take; None takes Visible in XML, and all in netCDF.
 
     Raises
     ------
@@ -63,7 +64,8 @@ def read(path: str | Path, *, band: str | None = None) -> TabulatedModel | XmlMo
             file=path, expected="a BSDF file (.nc or .xml)", found=str(error.strerror)
         ) from error
     if head.startswith((b"\x89HDF\r\n\x1a\n", b"CDF")):
-        return read_model(path)
+        model = read_model(path)
+        return model if band is None or not model.more else model.in_band(band)
     if head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<") or head.startswith((b"\xff\xfe", b"\xfe\xff")):
         return read_xml(path, band=band)
     raise FormatError(
@@ -131,10 +133,17 @@ def write(
                 SpeculariaWarning,
                 stacklevel=2,
             )
-        trees = _build_all(
-            model, path, basis=basis, resolution=6 if resolution is None else resolution, cull=cull
-        )
+        how = {"basis": basis, "resolution": 6 if resolution is None else resolution, "cull": cull}
+        trees = _build_all(model, path, **how)  # type: ignore[arg-type]
         parts = {s: TreePart(t.tree) for s, t in trees.items()}
+        others = model.more if isinstance(model, TabulatedModel) else {}
+        if others:
+            assert isinstance(model, TabulatedModel)
+            found = {b: _build_all(model.in_band(b), path, **how) for b in others}  # type: ignore[arg-type]
+            more = {b: {s: TreePart(t.tree) for s, t in sides.items()} for b, sides in found.items()}
+            more |= _chroma({**more, model.band: parts})
+            order = sorted({*more, model.band}, key=lambda b: "CIE-Y" if b == "Visible" else b)
+            more = {b: more.get(b, parts) for b in order}
     origins = {s: _origin(model, s) for s in parts}
     measured = attributes.get("measured_band", model.band)
     text = xml_write.document(
@@ -181,6 +190,19 @@ def _build_all(
                     stacklevel=3,
                 )
     return {s: trees[s] for s in model.sides}
+
+
+def _chroma(bands: Mapping[str, Mapping[str, Part]]) -> dict[str, dict[str, Part]]:
+    """The bands CIE-u and CIE-v, by which Radiance knows the colour of trees; none without X, Y and Z."""
+    if not {"CIE-X", "Visible", "CIE-Z"} <= set(bands):
+        return {}
+    out: dict[str, dict[str, Part]] = {"CIE-u": {}, "CIE-v": {}}
+    for side in bands["Visible"]:
+        parts = [bands[b][side] for b in ("CIE-X", "Visible", "CIE-Z")]
+        trees = [part.tree for part in parts if isinstance(part, TreePart)]
+        for name, tree in zip(out, chroma_trees(*trees)):
+            out[name][side] = TreePart(tree)
+    return out
 
 
 def _built(

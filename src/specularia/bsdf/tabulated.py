@@ -47,6 +47,7 @@ class TabulatedModel:
     tables : one `SideTable` per side that was measured or traced.
     band : what light it is for, such as "520 nm" or "Visible".
     attributes : provenance.
+    more : the tables of further bands of the same sample, such as CIE-X and CIE-Z beside Visible.
 
     Notes
     -----
@@ -57,6 +58,7 @@ class TabulatedModel:
     tables: Mapping[str, SideTable]
     band: str
     attributes: Mapping[str, str] = field(default_factory=dict)
+    more: Mapping[str, Mapping[str, SideTable]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         unknown = set(self.tables) - set(SIDES)
@@ -64,6 +66,19 @@ class TabulatedModel:
             raise PhysicsError(
                 f"a model needs sides out of {', '.join(SIDES)}; found {sorted(unknown) or 'none'}."
             )
+
+    @property
+    def bands(self) -> tuple[str, ...]:
+        """Bands that the model holds, its own first."""
+        return (self.band, *self.more)
+
+    def in_band(self, band: str) -> TabulatedModel:
+        """The model of another of its bands, which keeps none of the others; CIE-Y and Visible are one."""
+        wanted = ("Visible" if band.casefold() == "cie-y" else band).casefold()
+        for name, tables in ((self.band, self.tables), *self.more.items()):
+            if name.casefold() == wanted:
+                return TabulatedModel(tables=tables, band=name, attributes=self.attributes)
+        raise CoverageError(f"no band {band} in this model; it holds {', '.join(self.bands)}.")
 
     @property
     def sides(self) -> tuple[str, ...]:

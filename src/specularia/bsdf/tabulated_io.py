@@ -19,16 +19,20 @@ if TYPE_CHECKING:
 __all__ = ["read_model", "write_model"]
 
 _NAME = "specularia scattering model"
-_VERSION = 2
-"""1: isotropic tables only, no errors of the patch. 2: azimuths of incidence, symmetry, errors of both."""
+_VERSION = 3
+"""1: isotropic tables only, no errors of the patch. 2: azimuths of incidence, symmetry, errors of both. 3:
+several bands, those beside the model's own in groups "side (band)". Models of one band are written as 2."""
 
 
 def write_model(model: TabulatedModel, path: str | Path) -> Path:
-    """Write a model as netCDF-4: one group per side, provenance on the root."""
+    """Write a model as netCDF-4: one group per side and band, provenance on the root."""
     import xarray as xr
 
     groups: dict[str, xr.Dataset] = {}
-    for side, t in model.tables.items():
+    named = dict(model.tables)
+    for band, tables in model.more.items():
+        named |= {f"{side} ({band})": t for side, t in tables.items()}
+    for side, t in named.items():
         node = "theta_i" if t.phi_i_deg is None else "node"
         where = {"base": (node, "a", "b"), "patch": (node, "x", "y")}
         variables: dict[str, Any] = {
@@ -52,7 +56,8 @@ def write_model(model: TabulatedModel, path: str | Path) -> Path:
             coordinates["phi_i"] = (node, np.asarray(t.phi_i_deg, float), {"units": "degree"})
             attributes["mirror_deg"] = float(t.mirror_deg)
         groups[side] = xr.Dataset(variables, coords=coordinates, attrs=attributes)
-    root = {"format": f"{_NAME} {_VERSION}", "band": model.band, **model.attributes}
+    version = _VERSION if model.more else 2
+    root = {"format": f"{_NAME} {version}", "band": model.band, **model.attributes}
     return write_netcdf(path, groups, root)
 
 
@@ -69,7 +74,12 @@ def read_model(path: str | Path) -> TabulatedModel:
     band = attributes.pop("band", "Visible")
     try:
         tables = {side: _table(g) for side, g in groups.items() if side in SIDES}
-        return TabulatedModel(tables=tables, band=band, attributes=attributes)
+        more: dict[str, dict[str, SideTable]] = {}
+        for name, group in groups.items():
+            side, _, of_band = name.partition(" (")
+            if side in SIDES and of_band:
+                more.setdefault(of_band.removesuffix(")"), {})[side] = _table(group)
+        return TabulatedModel(tables=tables, band=band, attributes=attributes, more=more)
     except (KeyError, PhysicsError) as error:
         raise FormatError(
             file=path, expected="the tables of a scattering model", found=f"none or broken ones ({error})"

@@ -27,7 +27,7 @@ File = Annotated[
 ]
 Band = Annotated[
     str | None,
-    typer.Option("--band", help="Band of an .xml with several: Visible (default), Solar, CIE-X, CIE-Z."),
+    typer.Option("--band", help="Band of a file with several: Visible (default), Solar, CIE-X, CIE-Z."),
 ]
 Phi = Annotated[
     float, typer.Option("--phi", min=-360.0, max=360.0, help="Azimuth of the incident direction, degrees.")
@@ -57,7 +57,7 @@ def info(file: File, as_json: Json = False, quiet: Quiet = False) -> None:
             "basis": model.basis if isinstance(model, bsdf.XmlModel) else "tables at incident angles",
             "rank": model.rank if isinstance(model, bsdf.XmlModel) else 3 if model.isotropic else 4,
             "resolution": model.resolution if isinstance(model, bsdf.XmlModel) else None,
-            "bands": list(model.bands) if isinstance(model, bsdf.XmlModel) else [model.band],
+            "bands": list(model.bands),
             "sides": list(model.parts if isinstance(model, bsdf.XmlModel) else model.tables),
             "answers": {s: model.origin(s) for s in model.sides},
             "extrapolated_beyond_deg": getattr(model, "extrapolated_beyond_deg", {}),
@@ -67,7 +67,7 @@ def info(file: File, as_json: Json = False, quiet: Quiet = False) -> None:
             f"{file}: {payload['basis']}"
             + (f", rank {payload['rank']}" if payload["rank"] else "")
             + (f", resolution 2^{payload['resolution']}" if payload["resolution"] else ""),
-            f"bands: {', '.join(model.bands if isinstance(model, bsdf.XmlModel) else [model.band])}",
+            f"bands: {', '.join(model.bands)}",
             *table(["side", "comes from"], [[s, model.origin(s)] for s in model.sides]),
         ]
         emit(payload, as_json=as_json, lines=lines)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from specularia.cli import _glass_light
 from specularia.cli._common import Cull, Json, Quiet, Resolution, Seed, emit, numbers, session, table
 
 if TYPE_CHECKING:
@@ -20,6 +21,9 @@ if TYPE_CHECKING:
     from specularia.glass.model import Traced
 
 app = typer.Typer(no_args_is_help=True, help="The pane as a slab between two reliefs: tracing and Model C.")
+
+app.command("colours")(_glass_light.colours)
+app.command("film")(_glass_light.film)
 
 Glass = Annotated[
     Path, typer.Argument(metavar="GLASS.toml", help="The pane: faces, medium, bubbles.", show_default=False)
@@ -135,6 +139,16 @@ def trace(
             help="Trace N x N patches of the maps too: their spread is an error of the model.",
         ),
     ] = None,
+    colour: Annotated[
+        bool,
+        typer.Option(
+            "--colour",
+            help="Bands CIE-X, Visible and CIE-Z, all from the same paths; wants a spectrum of the medium.",
+        ),
+    ] = False,
+    illuminant: Annotated[
+        str, typer.Option("--illuminant", help="With --colour: of the CIE, such as D65, E or A.")
+    ] = "D65",
     seed: Seed = 0,
     as_json: Json = False,
     quiet: Quiet = False,
@@ -171,8 +185,11 @@ def trace(
         for path in outputs:
             writable(path)
         slab = read_slab(glass, seed=seed)
+        wanted = illuminant if colour else slab.colour
         tiling = _tiling(slab)
         if method is Method.RADIANCE:
+            if colour:
+                raise typer.BadParameter("--method radiance knows no colour", param_hint="--colour")
             _radiance(
                 slab,
                 outputs,
@@ -189,7 +206,10 @@ def trace(
         effort = {"paths": most, "target_error": target_error, "seed": seed, "wavelength_nm": wavelength}
         if tau_only:
             found = balance_of(slab, theta_deg=angles, phi_deg=phi, **effort)  # type: ignore[arg-type]
-            emit(_payload(found) | tiling, as_json=as_json, lines=_rows(found))
+            seen, rows = _glass_light.colour_of_pane(
+                slab, angles, phi_deg=phi, paths=most, seed=seed, wavelength_nm=wavelength, illuminant=wanted
+            )
+            emit(_payload(found) | tiling | seen, as_json=as_json, lines=[*_rows(found), *rows])
             return
         with _pool(workers, scheduler) as pool:
             traced = traced_model(
@@ -198,6 +218,7 @@ def trace(
                 output=outputs[0],
                 pool=pool,
                 patches=patches,
+                colour=wanted,
                 **effort,  # type: ignore[arg-type]
             )
         for path in outputs:
@@ -207,8 +228,14 @@ def trace(
                 bsdf.write(traced.model, path, resolution=resolution, cull=cull)
         if traced.store is not None:
             traced.store.remove()
-        payload = _model_payload(traced) | tiling | {"written": [str(p.resolve()) for p in outputs]}
-        lines = [*_rows(traced.balances["front"]), *_spread(traced), *(f"written: {p}" for p in outputs)]
+        seen, rows = _glass_light.colour_of_model(traced, illuminant=wanted)
+        payload = _model_payload(traced) | tiling | seen | {"written": [str(p.resolve()) for p in outputs]}
+        lines = [
+            *_rows(traced.balances["front"]),
+            *rows,
+            *_spread(traced),
+            *(f"written: {p}" for p in outputs),
+        ]
         emit(payload, as_json=as_json, lines=lines)
 
 

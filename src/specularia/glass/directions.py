@@ -7,17 +7,18 @@ nothing else: not on threads, on other directions, on the place of tracing or on
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Protocol
 
 from specularia.glass.checkpoint import Store
+from specularia.glass.colour import BandTallies, Colouring
 from specularia.glass.effort import Effort
 from specularia.glass.slab import Slab
 from specularia.glass.tally import Bins, Distribution, Tally
 from specularia.glass.trace import WAVELENGTH_NM, LightSide, compile_kernel, fill
 from specularia.progress import note, task
 
-__all__ = ["Direction", "Outcome", "Pool", "Task", "trace_direction", "trace_directions"]
+__all__ = ["ColouredOutcome", "Direction", "Outcome", "Pool", "Task", "trace_direction", "trace_directions"]
 
 
 @dataclass(frozen=True)
@@ -73,12 +74,26 @@ class Outcome:
 
 
 @dataclass(frozen=True)
+class ColouredOutcome(Outcome):
+    """An outcome in the visible band, with those of CIE-X and CIE-Z from the same paths."""
+
+    x: Outcome
+    z: Outcome
+
+
+@dataclass(frozen=True)
 class Task:
-    """All that the outcome of a direction depends on beside the pane and the direction itself."""
+    """All that the outcome of a direction depends on beside the pane and the direction itself.
+
+    Attributes
+    ----------
+    colour : weights of the CIE bands; outcomes are then `ColouredOutcome`, made of paths in clear glass.
+    """
 
     effort: Effort
     seed: int = 0
     wavelength_nm: float = WAVELENGTH_NM
+    colour: Colouring | None = None
 
 
 class Pool(Protocol):
@@ -93,7 +108,11 @@ class Pool(Protocol):
 
 def trace_direction(slab: Slab, direction: Direction, work: Task) -> Outcome:
     """Trace and bin one direction."""
-    tally = Tally(Bins(direction.theta_deg, direction.phi_deg or 0.0))
+
+    def make() -> Tally:
+        return Tally(Bins(direction.theta_deg, direction.phi_deg or 0.0))
+
+    tally = make() if work.colour is None else BandTallies(make, work.colour)
     seconds = fill(
         tally,
         slab,
@@ -106,6 +125,13 @@ def trace_direction(slab: Slab, direction: Direction, work: Task) -> Outcome:
         phi_deg=direction.phi_deg,
         wavelength_nm=work.wavelength_nm,
     )
+    if isinstance(tally, Tally):
+        return _outcome(tally, seconds)
+    x, visible, z = (_outcome(band, seconds) for band in tally.bands)
+    return ColouredOutcome(**{f.name: getattr(visible, f.name) for f in fields(visible)}, x=x, z=z)
+
+
+def _outcome(tally: Tally, seconds: float) -> Outcome:
     share, error = (v.tolist() for v in tally.shares)
     bins = tally.bins
     assert bins is not None
@@ -134,7 +160,8 @@ def trace_directions(
     """
     found: dict[Direction, Outcome] = {}
     if store is not None:
-        found = {d: kept for d in directions if (kept := store.load(part + d.name, Outcome)) is not None}
+        kind = Outcome if work.colour is None else ColouredOutcome
+        found = {d: kept for d in directions if (kept := store.load(part + d.name, kind)) is not None}
         if found:
             note(f"{len(found)} of {len(directions)} directions were finished before: {store.path}")
     missing = [d for d in directions if d not in found]

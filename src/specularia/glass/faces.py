@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from specularia.errors import PhysicsError, SpeculariaWarning
 from specularia.glass import tiling as tilings
+from specularia.glass.thin_film import Film
 from specularia.glass.tiling import Tiling, TilingReport
 from specularia.surface.heightmap import HeightMap, filled
 
@@ -43,6 +44,7 @@ class Face:
         plane stands at the highest point of the relief, and the liquid does not absorb.
     micro_slope : rms slope, along any one direction, of relief too fine for the map, 0 to 0.5. Its slopes are
         Gaussian and add to those of the map at every meeting with light (`kernel.micro_facet`).
+    film : thin layers on the surface, see `thin_film.Film`.
     """
 
     heights_um: Array | None
@@ -53,10 +55,13 @@ class Face:
     max_missing: float = MISSING_LIMIT
     sealant_index: float | None = None
     micro_slope: float = 0.0
+    film: Film | None = None
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.micro_slope <= 0.5:
             raise PhysicsError(f"{self.name}: micro_slope lies between 0 and 0.5, not at {self.micro_slope}.")
+        if self.film is not None and self.sealant_index is not None:
+            raise PhysicsError(f"{self.name}: a thin film under a liquid is not provided for; choose one.")
         if self.sealant_index is not None and not 1.0 < self.sealant_index < 5.0:
             raise PhysicsError(
                 f"{self.name}: the index of a sealant lies between 1 and 5, not at {self.sealant_index}."
@@ -82,10 +87,17 @@ class Face:
 
     @classmethod
     def flat(
-        cls, name: str = "face", *, sealant_index: float | None = None, micro_slope: float = 0.0
+        cls,
+        name: str = "face",
+        *,
+        sealant_index: float | None = None,
+        micro_slope: float = 0.0,
+        film: Film | None = None,
     ) -> Self:
         """A flat face."""
-        return cls(heights_um=None, name=name, sealant_index=sealant_index, micro_slope=micro_slope)
+        return cls(
+            heights_um=None, name=name, sealant_index=sealant_index, micro_slope=micro_slope, film=film
+        )
 
     @classmethod
     def from_map(
@@ -97,6 +109,7 @@ class Face:
         max_missing: float = MISSING_LIMIT,
         sealant_index: float | None = None,
         micro_slope: float = 0.0,
+        film: Film | None = None,
     ) -> Self:
         """The face that a height map describes.
 
@@ -111,6 +124,7 @@ class Face:
             max_missing=max_missing,
             sealant_index=sealant_index,
             micro_slope=micro_slope,
+            film=film,
         )
 
     @property

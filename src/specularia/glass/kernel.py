@@ -553,12 +553,90 @@ def micro_facet(nx, ny, slope, dx, dy, dz, ratio, key, draw):
 
 
 @nb.njit(fastmath=FAST, error_model="numpy")
+def _meet_film(nx, ny, nz, dx, dy, dz, ratio, polarised, sx, sy, sz, q, u, v, xi, table):
+    """As `meet_interface`, where a thin film lies on the interface.
+
+    `table` [3, N, 8]: see `thin_film.tables`. Also returns the share of the light that the film did not take.
+    """
+    c = -(dx * nx + dy * ny + dz * nz)
+    sin2 = 1.0 - c * c
+    k = 1.0 - ratio * ratio * sin2
+    if polarised and sin2 > 1e-24:
+        ax = dy * nz - dz * ny
+        ay = dz * nx - dx * nz
+        az = dx * ny - dy * nx
+        per = 1.0 / math.sqrt(ax * ax + ay * ay + az * az)
+        ax *= per
+        ay *= per
+        az *= per
+        co = sx * ax + sy * ay + sz * az
+        si = dx * (sy * az - sz * ay) + dy * (sz * ax - sx * az) + dz * (sx * ay - sy * ax)
+        norm = co * co + si * si
+        c2 = (co * co - si * si) / norm
+        s2 = 2.0 * co * si / norm
+        q, u = q * c2 + u * s2, u * c2 - q * s2
+        sx = ax
+        sy = ay
+        sz = az
+    # Which of the three tables, and where in it.
+    if k <= 0.0:
+        kind = 2
+        at = math.sqrt(-k / (ratio * ratio - 1.0))
+    elif ratio < 1.0:
+        kind = 0
+        at = c
+    else:
+        kind = 1
+        at = math.sqrt(k)
+    at = min(max(at, 0.0), 1.0) * (table.shape[1] - 1)
+    j = min(int(at), table.shape[1] - 2)
+    f = at - j
+    e = 1.0 - f
+    r_s = e * table[kind, j, 0] + f * table[kind, j + 1, 0]
+    r_p = e * table[kind, j, 1] + f * table[kind, j + 1, 1]
+    t_s = e * table[kind, j, 4] + f * table[kind, j + 1, 4]
+    t_p = e * table[kind, j, 5] + f * table[kind, j + 1, 5]
+    from_s = 0.5 * (1.0 + q)
+    from_p = 0.5 * (1.0 - q)
+    reflected = r_s * from_s + r_p * from_p
+    through = t_s * from_s + t_p * from_p
+    kept = reflected + through
+    crossed = xi * kept >= reflected and through > 0.0
+    if polarised:
+        first = 4 if crossed else 0
+        share = through if crossed else reflected
+        per = 1.0 / share if share > 0.0 else 0.0
+        if crossed:
+            q = (t_s * from_s - t_p * from_p) * per
+        else:
+            q = (r_s * from_s - r_p * from_p) * per
+        re = (e * table[kind, j, first + 2] + f * table[kind, j + 1, first + 2]) * per
+        im = (e * table[kind, j, first + 3] + f * table[kind, j + 1, first + 3]) * per
+        u, v = re * u - im * v, im * u + re * v
+    else:
+        q = 0.0
+    if crossed:
+        f = ratio * c - math.sqrt(k)
+        dx = ratio * dx + f * nx
+        dy = ratio * dy + f * ny
+        dz = ratio * dz + f * nz
+    else:
+        dx += 2.0 * c * nx
+        dy += 2.0 * c * ny
+        dz += 2.0 * c * nz
+    return crossed, dx, dy, dz, sx, sy, sz, q, u, v, kept
+
+
+@nb.njit(fastmath=FAST, error_model="numpy")
 def _path(
     relief, bounds, layout, quanta, scale, outside, bubbles, first, member, grid, kinds, sizes, patch,
     light,
-    eta, absorption, polarised, face, x, y, dx, dy, dz, sx, sy, number, shift, key,
+    eta, absorption, polarised, face, x, y, dx, dy, dz, sx, sy, number, shift, key, films,
 ):  # fmt: skip
     """Follow one path from above (or below) the pane until it leaves it.
+
+    `films` is None, or [2, 3, N, 8] with a table for each face (`thin_film.tables`), all 0 where it has no
+    film. The compiler leaves all that is said of films out of the loop for panes without.
 
     Returns where it ended (FRONT, BACK, ABSORBED, LOST or SIDES), its direction, its weight, what was
     absorbed of it, its way in glass in um, and the bubbles drawn and expected (`_meet_drawn`).
@@ -733,10 +811,18 @@ def _path(
         per = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz)
         if nx * dx + ny * dy + nz * dz > 0.0:
             per = -per
-        crossed, dx, dy, dz, sx, sy, sz, q, u, v = meet_interface(
-            nx * per, ny * per, nz * per, dx, dy, dz, ratio, polarised, sx, sy, sz, q, u, v,
-            _chance(number, shift, key, met),
-        )  # fmt: skip
+        if films is None or film or in_bulk or at_side or films[face, 0, 0, 0] == 0.0:
+            crossed, dx, dy, dz, sx, sy, sz, q, u, v = meet_interface(
+                nx * per, ny * per, nz * per, dx, dy, dz, ratio, polarised, sx, sy, sz, q, u, v,
+                _chance(number, shift, key, met),
+            )  # fmt: skip
+        else:
+            crossed, dx, dy, dz, sx, sy, sz, q, u, v, kept = _meet_film(
+                nx * per, ny * per, nz * per, dx, dy, dz, ratio, polarised, sx, sy, sz, q, u, v,
+                _chance(number, shift, key, met), films[face],
+            )  # fmt: skip
+            absorbed += weight * (1.0 - kept)
+            weight *= kept
         met += 1
         if at_side:
             if crossed:
@@ -774,7 +860,7 @@ def trace_kernel(
     relief, bounds, layout, quanta, scale, outside, bubbles, first, member, grid, kinds, sizes, patch,
     light,
     eta, absorption, polarised, face, theta, phi, turned, repeat_x, repeat_y, seed, start, per_replicate,
-    ux, uy, side, weight, absorbed, way, drawn, expected,
+    ux, uy, side, weight, absorbed, way, drawn, expected, films,
 ):  # fmt: skip
     """Trace paths start, start + 1, ... and store what became of each.
 
@@ -791,6 +877,7 @@ def trace_kernel(
     seed : of the random streams. Path p draws from a stream of its own, known by (seed, p).
     start, per_replicate : first path; paths p of one p // per_replicate form a randomised replicate.
     ux, uy, side, weight, absorbed, way, drawn, expected : [K] results, written here; see `trace.Paths`.
+    films : None, or tables of thin films on the faces; see `_path`.
     """
     root = _mix(np.uint64(seed) * _GOLDEN + _MIX_2)
     # Directions point away from the sample, the light runs towards it.
@@ -835,7 +922,7 @@ def trace_kernel(
             relief, bounds, layout, quanta, scale, outside, bubbles, first, member, grid, kinds, sizes, patch,
     light,
             eta, absorption, polarised, face, x, y, -sin_t * co, -sin_t * si, cos_t, -si, co,
-            count, shift, key,
+            count, shift, key, films,
         )  # fmt: skip
         if turned:
             dx, dy = dx * co + dy * si, dy * co - dx * si

@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 from specularia.bsdf.tabulated import SideTable, TabulatedModel
 from specularia.errors import PhysicsError
 from specularia.glass.checkpoint import Store, code_digest, content_digest
-from specularia.glass.directions import Direction, Outcome, Pool, Task, trace_directions
+from specularia.glass.colour import CIE_BANDS, OBSERVER, Colouring, colouring
+from specularia.glass.colour import WAVELENGTHS_NM as COLOUR_NM
+from specularia.glass.directions import ColouredOutcome, Direction, Outcome, Pool, Task, trace_directions
 from specularia.glass.effort import DEFAULT_PATHS, Effort
-from specularia.glass.slab import Slab
+from specularia.glass.slab import Slab, refuse_films
 from specularia.glass.tally import HALF_WIDTH, Distribution
 from specularia.glass.trace import (
     WAVELENGTH_NM,
@@ -79,6 +81,7 @@ def traced_model(
     output: str | Path | None = None,
     pool: Pool | None = None,
     patches: int | None = None,
+    colour: str | None = None,
 ) -> Traced:
     """Trace a pane from both sides and tabulate all four: transmission and reflection, front and back.
 
@@ -96,6 +99,9 @@ def traced_model(
         where an earlier run of the same pane and settings was interrupted.
     pool : where to trace; None traces in this process. The numbers are the same.
     patches : trace so many patches along each side of the maps too, for the spread between them.
+    colour : illuminant of the CIE under which the model holds the bands CIE-X, Visible and CIE-Z, all from
+        the same paths (see `colour`); None takes the pane's, and where that has none, one wavelength. The
+        index is that at `wavelength_nm` throughout.
 
     Returns
     -------
@@ -107,7 +113,13 @@ def traced_model(
         raise PhysicsError("the incident angles of a model must ascend.")
     if azimuths is not None and azimuths < 3:
         raise PhysicsError(f"an anisotropic model needs at least 3 azimuths, not {azimuths}.")
-    work = Task(Effort(paths, target_error), seed, wavelength_nm)
+    illuminant = colour or slab.colour
+    if illuminant is not None:
+        refuse_films(slab)
+    if illuminant is not None and patches is not None:
+        raise PhysicsError("the spread between patches is computed for one wavelength; leave out the colour.")
+    how = None if illuminant is None else colouring(slab.medium, illuminant=illuminant)
+    work = Task(Effort(paths, target_error), seed, wavelength_nm, how)
     nodes = [(float(t), phi) for t in theta for phi in _ring(float(t), azimuths)]
     directions = [Direction(side, t, phi) for side in _FACES for t, phi in nodes]
     store = None
@@ -117,23 +129,23 @@ def traced_model(
     warn_of_lost(sum(o.lost for o in outcomes), sum(o.paths for o in outcomes))
     warn_of_noise([o.error for o in outcomes], work.effort)
 
-    tables: dict[str, SideTable] = {}
-    noise: dict[str, Array] = {}
-    balances: dict[str, EnergyBalance] = {}
-    for k, face in enumerate(_FACES):
-        here = outcomes[k * len(nodes) : (k + 1) * len(nodes)]
-        for name, found in (
-            (f"transmission_{face}", [o.transmitted for o in here]),
-            (f"reflection_{face}", [o.reflected for o in here]),
-        ):
-            tables[name] = _table(nodes, found)
-            noise[name] = np.array([d.noise for d in found])
-        balances[face] = _balance(theta, nodes, here)
+    tables, noise = _tables(nodes, outcomes)
+    coloured = [o for o in outcomes if isinstance(o, ColouredOutcome)]
+    more = {
+        band: _tables(nodes, [getattr(o, name) for o in coloured])[0]
+        for band, name in ((CIE_BANDS[0], "x"), (CIE_BANDS[2], "z"))
+        if coloured
+    }
+    balances: dict[str, EnergyBalance] = {
+        face: _balance(theta, nodes, outcomes[k * len(nodes) : (k + 1) * len(nodes)])
+        for k, face in enumerate(_FACES)
+    }
+    light = f"at {wavelength_nm:g} nm" if how is None else f"in the CIE bands under CIE {how.illuminant}"
     attributes = record(
-        what=f"Scattering model traced through a pane's geometry (Model C) at {wavelength_nm:g} nm.",
+        what=f"Scattering model traced through a pane's geometry (Model C) {light}.",
         inputs=slab.sources,
         parameters={
-            **_described(slab, wavelength_nm),
+            **_described(slab, wavelength_nm, how),
             "paths_per_direction": paths if target_error is None else [o.paths for o in outcomes],
             "target_error": target_error,
             "azimuths": azimuths,
@@ -159,7 +171,12 @@ def traced_model(
         )
         attributes["patches"] = to_json(asdict(spread))
     return Traced(
-        model=TabulatedModel(tables=tables, band=f"{wavelength_nm:g} nm", attributes=attributes),
+        model=TabulatedModel(
+            tables=tables,
+            band=f"{wavelength_nm:g} nm" if how is None else CIE_BANDS[1],
+            attributes=attributes,
+            more=more,
+        ),
         balances=balances,
         noise=noise,
         store=store,
@@ -188,13 +205,26 @@ def _ring(theta_deg: float, azimuths: int | None) -> Sequence[float | None]:
     return (0.0,) if theta_deg == 0.0 else tuple(360.0 * k / azimuths for k in range(azimuths))
 
 
-def _described(slab: Slab, wavelength_nm: float) -> dict[str, Any]:
-    return {
-        "thickness_mm": slab.thickness_mm,
+def _described(slab: Slab, wavelength_nm: float, how: Colouring | None) -> dict[str, Any]:
+    light: dict[str, Any] = {
         "index": slab.medium.index_at(wavelength_nm),
         "absorption_per_mm": slab.medium.absorption_at(wavelength_nm),
         "wavelength_nm": wavelength_nm,
+    }
+    if how is not None:
+        light |= {
+            "absorption_per_mm": dict(zip(COLOUR_NM.tolist(), how.absorption_per_mm.tolist())),
+            "illuminant": f"CIE {how.illuminant}",
+            "observer": OBSERVER,
+        }
+    return {
+        "thickness_mm": slab.thickness_mm,
+        **light,
         "polarised": slab.polarised,
+        "films": {
+            name: None if face.film is None else [face.film.thickness_nm, list(map(str, face.film.index))]
+            for name, face in (("front", slab.front), ("back", slab.back))
+        },
         "bubbles": 0 if slab.all_bubbles is None else len(slab.all_bubbles),
         "front": slab.front.name,
         "front_tiling": "flat" if slab.front.is_flat else slab.front.tiling,
@@ -202,6 +232,24 @@ def _described(slab: Slab, wavelength_nm: float) -> dict[str, Any]:
         "back_tiling": "flat" if slab.back.is_flat else slab.back.tiling,
         "slopes": {face: asdict(report) for face, report in slab.tilings.items()},
     }
+
+
+def _tables(
+    nodes: Sequence[tuple[float, float | None]], outcomes: Sequence[Outcome]
+) -> tuple[dict[str, SideTable], dict[str, Array]]:
+    """All sides of a model, and the noise of each; outcomes of the front come first, then those of the
+    back."""
+    tables: dict[str, SideTable] = {}
+    noise: dict[str, Array] = {}
+    for k, face in enumerate(_FACES):
+        here = outcomes[k * len(nodes) : (k + 1) * len(nodes)]
+        for name, found in (
+            (f"transmission_{face}", [o.transmitted for o in here]),
+            (f"reflection_{face}", [o.reflected for o in here]),
+        ):
+            tables[name] = _table(nodes, found)
+            noise[name] = np.array([d.noise for d in found])
+    return tables, noise
 
 
 def _table(nodes: Sequence[tuple[float, float | None]], found: Sequence[Distribution]) -> SideTable:

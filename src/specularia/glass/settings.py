@@ -7,6 +7,9 @@ thickness_mm = 3.0            # between the mean planes of the faces
 index = 1.52                  # or { sellmeier = [B1, B2, B3, C1, C2, C3] }, C in um^2
 absorption_per_mm = 0.07      # Napierian; or { spectrum = "file.csv" }: wavelength in nm, 1/mm;
                               # or in its place the key spectrum = "file.csv"
+                              # or glass = "aqua" | "green" | "yellow-brown"
+                              # or iron_manganese = { fe2o3_percent = 0.5, ferrous = 0.75,
+                              #     mno_percent = 0.4, mn3 = 0.0, amber_per_mm = 0.0 }
 
 [front]
 heights = "front.nc"          # any supported surface file; or flat = true
@@ -16,6 +19,10 @@ tiling = "periodic"           # periodic | mirror | blend; without it periodic f
 max_missing = 0.05            # a map of which a larger share is missing is refused
 sealant_index = 1.5           # optional: a liquid that fills the relief up to a plane surface
 micro_slope = 0.03            # optional: rms slope, along one direction, of relief too fine for the map
+
+[front.film]                  # optional, on either face: thin layers that follow the surface
+thickness_nm = 300.0          # one number, or a list from the air to the glass
+index = 1.45                  # as many numbers n, or pairs [n, k]
 
 [back]
 flat = true
@@ -37,6 +44,7 @@ diameter_mm = { median = 0.3 }
 [trace]
 polarised = true
 incident = "unpolarised"      # or "s", "p", { stokes = [1, Q, U, V] }
+colour = false                # true: models hold CIE-X, Visible, CIE-Z under D65; or an illuminant, "E"
 
 [patch]                       # optional: a finite pane in place of one that goes on for ever
 width_mm = 8.4
@@ -57,16 +65,20 @@ from specularia import surface
 from specularia.errors import FormatError, PhysicsError
 from specularia.glass.bubble_files import read_bubbles
 from specularia.glass.bubbles import AIR, BubbleKind, Bubbles, Inside
+from specularia.glass.colour import viewing
 from specularia.glass.faces import MISSING_LIMIT, Face, Tiling
 from specularia.glass.medium import Medium, Spectrum
 from specularia.glass.patch import Patch, Sides
+from specularia.glass.pigments import GLASSES, IronManganese
 from specularia.glass.slab import UNPOLARISED, Slab
+from specularia.glass.thin_film import Film
 from specularia.jobs import FilePath, Job, load_toml
 
 __all__ = ["GlassJob", "read_slab"]
 
 T = TypeVar("T")
 
+GlassName = Literal["aqua", "green", "yellow-brown"]
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 
 
@@ -100,6 +112,21 @@ Absorption = Annotated[
 ]
 
 
+class IronManganeseJob(Job):
+    """{ fe2o3_percent = ..., ... }: glass by what colours it, see `glass.IronManganese`."""
+
+    fe2o3_percent: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
+    """All iron, as Fe2O3 in percent by weight."""
+    ferrous: Annotated[float, Field(ge=0.0, le=1.0)] = 0.5
+    """Share of the iron that is Fe2+."""
+    mno_percent: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
+    """All manganese, as MnO in percent by weight."""
+    mn3: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+    """Share of the manganese that is Mn3+."""
+    amber_per_mm: Annotated[float, Field(ge=0.0, le=1e3)] = 0.0
+    """Napierian absorption of the amber band at 410 nm."""
+
+
 class MediumJob(Job):
     """[medium]: the glass."""
 
@@ -109,12 +136,26 @@ class MediumJob(Job):
     """Napierian absorption, transmittance exp(-a * path), or a spectrum of it."""
     spectrum: FilePath | None = None
     """The spectrum of the absorption, in place of absorption_per_mm."""
+    glass: GlassName | None = None
+    """A built-in glass, a model after the colours of finds, in place of absorption_per_mm."""
+    iron_manganese: IronManganeseJob | None = None
+    """What colours the glass, by a model of iron and manganese, in place of absorption_per_mm."""
 
     @model_validator(mode="after")
     def _one_absorption(self) -> Self:
-        if self.spectrum is not None and "absorption_per_mm" in self.model_fields_set:
-            raise ValueError("absorption_per_mm or spectrum, not both")
+        ways = {"absorption_per_mm", "spectrum", "glass", "iron_manganese"} & self.model_fields_set
+        if len(ways) > 1:
+            raise ValueError(f"only one of {' and '.join(sorted(ways))}")
         return self
+
+    @property
+    def pigments(self) -> IronManganese | None:
+        """The model of the colour, where the glass is given by it."""
+        if self.glass is not None:
+            return GLASSES[self.glass]
+        if self.iron_manganese is not None:
+            return IronManganese(**self.iron_manganese.model_dump())
+        return None
 
     @property
     def spectrum_file(self) -> Path | None:
@@ -122,6 +163,33 @@ class MediumJob(Job):
         if isinstance(self.absorption_per_mm, AbsorptionSpectrum):
             return self.absorption_per_mm.spectrum
         return self.spectrum
+
+
+Refraction = Annotated[float, Field(gt=0.0, lt=10.0)]
+Extinction = Annotated[float, Field(ge=0.0, lt=20.0)]
+
+
+class FilmJob(Job):
+    """[front.film], [back.film]: thin layers on a face."""
+
+    thickness_nm: Positive | list[Positive]
+    """One layer, or several from the air to the glass."""
+    index: Refraction | list[Refraction | tuple[Refraction, Extinction]]
+    """Index against air of each layer, a number or a pair [n, k]; the same at all wavelengths."""
+
+    @model_validator(mode="after")
+    def _as_many(self) -> Self:
+        thickness, index = self.layers
+        if not thickness or len(thickness) != len(index):
+            raise ValueError("as many thicknesses as indices; of one layer that absorbs, index = [[n, k]]")
+        return self
+
+    @property
+    def layers(self) -> tuple[list[float], list[complex]]:
+        """Thicknesses in nm and complex indices."""
+        thickness = self.thickness_nm if isinstance(self.thickness_nm, list) else [self.thickness_nm]
+        index = self.index if isinstance(self.index, list) else [self.index]
+        return thickness, [complex(*n) if isinstance(n, tuple) else complex(n) for n in index]
 
 
 class FaceJob(Job):
@@ -142,12 +210,24 @@ class FaceJob(Job):
     """Index of a liquid that fills the relief up to a plane surface."""
     micro_slope: Annotated[float, Field(ge=0.0, le=0.5)] = 0.0
     """Rms slope along any one direction of relief that is too fine for the map; Gaussian."""
+    film: FilmJob | None = None
+    """Thin layers that follow the surface."""
 
     @model_validator(mode="after")
     def _one_of_two(self) -> Self:
         if self.flat == (self.heights is not None):
             raise ValueError("either heights or flat = true")
+        if self.film is not None and self.sealant_index is not None:
+            raise ValueError("film or sealant_index, not both")
         return self
+
+    @property
+    def layers(self) -> Film | None:
+        """The film of the face."""
+        if self.film is None:
+            return None
+        thickness, index = self.film.layers
+        return Film(tuple(thickness), tuple(index))
 
 
 class Diameter(Job):
@@ -245,6 +325,24 @@ class TraceJob(Job):
     """Keep the polarisation of each path; false averages s and p at every interface."""
     incident: Incident = "unpolarised"
     """Polarisation of the light that arrives, as of a laser; needs polarised = true."""
+    colour: bool | str = False
+    """Trace models in the CIE bands, under D65 or under the illuminant that is named."""
+
+    @model_validator(mode="after")
+    def _known_illuminant(self) -> Self:
+        if self.illuminant is not None:
+            try:
+                viewing(self.illuminant)
+            except PhysicsError as error:
+                raise ValueError(str(error).rstrip(".")) from error
+        return self
+
+    @property
+    def illuminant(self) -> str | None:
+        """Of the CIE bands; None without them."""
+        if isinstance(self.colour, str):
+            return self.colour
+        return "D65" if self.colour else None
 
     @property
     def light(self) -> tuple[float, float, float]:
@@ -305,8 +403,11 @@ def read_slab(path: str | Path, *, seed: int = 0) -> Slab:
     synthetic = False
     faces: dict[str, Face] = {}
     for name, face in (("front", job.front), ("back", job.back)):
+        film = _checked(path, lambda: face.layers)  # noqa: B023 (called at once)
         if face.heights is None:
-            faces[name] = Face.flat(name, sealant_index=face.sealant_index, micro_slope=face.micro_slope)
+            faces[name] = Face.flat(
+                name, sealant_index=face.sealant_index, micro_slope=face.micro_slope, film=film
+            )
             continue
         height_map = surface.read(face.heights, pitch_um=face.pitch_um)
         sources.append(face.heights)
@@ -320,12 +421,15 @@ def read_slab(path: str | Path, *, seed: int = 0) -> Slab:
             max_missing=face.max_missing,
             sealant_index=face.sealant_index,
             micro_slope=face.micro_slope,
+            film=film,
         )
     absorption: float | Spectrum
     spectrum_file = job.medium.spectrum_file
     if spectrum_file is not None:
         sources.append(spectrum_file)
         absorption = Spectrum.read_csv(spectrum_file)
+    elif job.medium.pigments is not None:
+        absorption = job.medium.pigments.spectrum()
     elif not isinstance(job.medium.absorption_per_mm, AbsorptionSpectrum):
         absorption = job.medium.absorption_per_mm
     index = job.medium.index
@@ -362,6 +466,7 @@ def read_slab(path: str | Path, *, seed: int = 0) -> Slab:
         sources=tuple(sources),
         synthetic=synthetic,
         incident=job.trace.light,
+        colour=job.trace.illuminant,
         patch=_checked(path, Patch, **job.patch.model_dump()) if job.patch else None,
     )
     _checked(path, lambda: slab.all_bubbles)

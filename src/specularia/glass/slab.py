@@ -21,9 +21,10 @@ from specularia.glass.hierarchy import pack, steepest
 from specularia.glass.kernel import BACK, FRONT
 from specularia.glass.medium import Medium
 from specularia.glass.patch import Patch
+from specularia.glass.thin_film import face_tables
 from specularia.glass.tiling import TilingReport
 
-__all__ = ["UNPOLARISED", "Geometry", "Slab", "patches"]
+__all__ = ["UNPOLARISED", "Geometry", "Slab", "patches", "refuse_films"]
 
 Array = NDArray[np.float64]
 
@@ -82,6 +83,8 @@ class Slab:
         light swinging at right angles to the plane of incidence (s), -1 in it (p). At normal incidence that
         plane is the one that holds phi_deg.
     patch : a finite pane in place of one that goes on for ever.
+    colour : illuminant of the CIE, such as "D65", under which models of the pane hold the bands CIE-X,
+        Visible and CIE-Z; None for models at one wavelength.
     sources : files the pane was read from, for provenance.
     synthetic : True where any part of it is synthetic; the label goes with what is computed from it.
     """
@@ -98,6 +101,7 @@ class Slab:
     synthetic: bool = False
     incident: tuple[float, float, float] = UNPOLARISED
     patch: Patch | None = None
+    colour: str | None = None
 
     def __post_init__(self) -> None:
         if not 0.0 < self.thickness_mm < float("inf"):
@@ -211,6 +215,13 @@ class Slab:
             np.array(self.incident),
         )
 
+    def films_at(self, wavelength_nm: float) -> Array | None:
+        """[2, 3, N, 8] tables of the films on both faces, see `thin_film.tables`; None without a film."""
+        films = (self.front.film, self.back.film)
+        if not any(films):
+            return None
+        return face_tables(films, wavelength_nm=wavelength_nm, index=self.medium.index_at(wavelength_nm))
+
     def repeats(self, face: int) -> tuple[int, int]:
         """Periods of a face, along x and y, over which all faces and bubbles repeat together.
 
@@ -242,6 +253,15 @@ def patches(slab: Slab, n: int) -> list[Slab]:
         raise PhysicsError("patches need at least one map, and at least one piece along each side.")
     front, back = slab.front.cut(n), slab.back.cut(n)
     return [replace(slab, front=front[i][j], back=back[i][n - 1 - j]) for i in range(n) for j in range(n)]
+
+
+def refuse_films(slab: Slab) -> None:
+    """A PhysicsError for a pane with films: what they reflect is another at every wavelength."""
+    if slab.front.film is not None or slab.back.film is not None:
+        raise PhysicsError(
+            "thin films send other light at every wavelength: one trace does not hold the colour of a pane "
+            "with films: trace single wavelengths, or see `glass film` for the colour of a flat pane."
+        )
 
 
 def _repeat(own: float, other: float) -> int:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from specularia.errors import CoverageError, PhysicsError, SpeculariaWarning
 from specularia.glass import kernel
+from specularia.glass.colour import BandTallies
 from specularia.glass.effort import REPLICATES, Effort, round_seed, whole_replicates
 from specularia.glass.slab import Slab
 from specularia.glass.tally import Tally
@@ -116,6 +117,7 @@ def trace_paths(
     wavelength_nm: float = WAVELENGTH_NM,
     first: int = 0,
     count: int | None = None,
+    clear: bool = False,
 ) -> Paths:
     """Trace paths of one incident direction.
 
@@ -132,6 +134,7 @@ def trace_paths(
     polarised : None as the slab says; False averages s and p at every interface.
     wavelength_nm : of the light, for index and absorption.
     first, count : the part of the run to trace (all of it); parts put together equal the whole.
+    clear : True leaves out the absorption of the glass, to be applied to the paths afterwards.
 
     Returns
     -------
@@ -152,7 +155,7 @@ def trace_paths(
     kernel.trace_kernel(
         *slab.geometry,
         slab.medium.index_at(wavelength_nm),
-        slab.medium.absorption_at(wavelength_nm) / 1e3,
+        0.0 if clear else slab.medium.absorption_at(wavelength_nm) / 1e3,
         slab.polarised if polarised is None else polarised,
         face,
         float(np.radians(theta_deg)),
@@ -170,6 +173,7 @@ def trace_paths(
         way,
         drawn,
         expected,
+        slab.films_at(wavelength_nm),
     )
     return Paths(
         ux=ux,
@@ -200,7 +204,7 @@ def compile_kernel() -> None:
 
 
 def fill(
-    tally: Tally,
+    tally: Tally | BandTallies,
     slab: Slab,
     *,
     effort: Effort,
@@ -232,6 +236,7 @@ def fill(
                 wavelength_nm=wavelength_nm,
                 first=first,
                 count=min(CHUNK, total - first),
+                clear=isinstance(tally, BandTallies),
             )
             seconds += time.perf_counter() - start
             tally.add(part)
