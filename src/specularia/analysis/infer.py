@@ -75,6 +75,9 @@ incidence they are alike by `_ALIKE_ANGLES` of that. Chosen here."""
 
 _ALIKE_ANGLES: Final = 0.5
 
+_BRIGHT: Final = 0.01
+"""Share of the light in a cell below which the discrepancy is larger, by one over the square root of it."""
+
 _DISCREPANCY: Final = 0.05
 """Scale of the half-normal prior of the discrepancy's standard deviation, relative."""
 
@@ -259,7 +262,12 @@ class _Data:
         self.own = np.concatenate(errors) ** 2 + emulator.error**2
         ln = np.log(np.concatenate(middle))
         alike = np.exp(-np.abs(ln[:, None] - ln) / _ALIKE)
-        self.alike = alike * np.where(self.angle[:, None] == self.angle, 1.0, _ALIKE_ANGLES)
+        alike *= np.where(self.angle[:, None] == self.angle, 1.0, _ALIKE_ANGLES)
+        # Few places of a map send light where there is little: a map knows dim cells less well.
+        share = np.exp(self.log_light)
+        share /= np.bincount(self.angle, share)[self.angle]
+        dim = np.sqrt(np.maximum(_BRIGHT / share, 1.0))
+        self.alike = alike * dim[:, None] * dim
         self.scale = scale_error**2
 
     def prepared(self, of: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], Array, Array]:

@@ -42,6 +42,9 @@ _RINGS_DEG: Final = np.array(
 _SECTORS: Final = 3
 """Of a ring: towards the normal, across, and towards the horizon; the two sides across count as one."""
 
+_WHOLE_RINGS: Final = 3
+"""The innermost rings are not divided: light that nothing deflects has no azimuth there."""
+
 _LEAST_SHARE: Final = 5e-4
 """Cells with less of the transmitted light are left out."""
 
@@ -72,7 +75,8 @@ def _cell(ux: Array, uy: Array, theta_deg: float) -> NDArray[np.intp]:
     # Azimuth around the undeflected direction, 0 towards the normal.
     psi = np.abs(np.arctan2(uy, ux * np.cos(t) + uz * np.sin(t)))
     ring = np.clip(np.searchsorted(_RINGS_DEG, d, side="right") - 1, 0, _RINGS_DEG.size - 2)
-    return ring * _SECTORS + np.minimum((psi * (_SECTORS / np.pi)).astype(np.intp), _SECTORS - 1)
+    sector = np.minimum((psi * (_SECTORS / np.pi)).astype(np.intp), _SECTORS - 1)
+    return ring * _SECTORS + np.where(ring < _WHOLE_RINGS, 0, sector)
 
 
 _ALL: Final = (_RINGS_DEG.size - 1) * _SECTORS
@@ -106,7 +110,9 @@ def measured_light(found: Distribution, theta_deg: float, seed: int = 0) -> tupl
     uy = np.sin(d) * np.sin(psi) + 0.0 * ux
     seen = uz > 0.0
     weight = np.broadcast_to(area, ux.shape)[seen] * uz[seen]
-    place = np.broadcast_to(np.arange(_ALL).reshape(-1, _SECTORS)[:, :, None, None], ux.shape)[seen]
+    number = np.arange(_ALL).reshape(-1, _SECTORS)
+    number[:_WHOLE_RINGS] = number[:_WHOLE_RINGS, :1]
+    place = np.broadcast_to(number[:, :, None, None], ux.shape)[seen]
 
     def total(one: Distribution) -> Array:
         both = one.at(ux[seen], uy[seen]) + one.at(ux[seen], -uy[seen])
