@@ -374,7 +374,8 @@ def view(
 ) -> None:
     """An interactive picture of one model or several in one file that opens offline.
 
-    Drag the light on the small hemisphere; measured tables are fitted, and their points drawn into the section.
+    Measured tables are fitted, and their points drawn into the section. Drag the light on the small
+    hemisphere.
     """
     angles = numbers(theta, option="--theta") if theta else None
     if angles is not None and not all(0.0 <= a < 90.0 for a in angles):

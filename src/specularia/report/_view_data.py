@@ -71,7 +71,7 @@ class Grid:
     def section(self) -> Array:
         """Signed polar angles [K] in the plane of incidence, degrees; positive towards the light."""
         n = round(180.0 / self.section_deg)
-        return (np.arange(n) + 0.5) * self.section_deg - 90.0
+        return np.asarray((np.arange(n) + 0.5) * self.section_deg - 90.0, float)
 
     @property
     def stride(self) -> int:
@@ -181,7 +181,15 @@ def _curve(
     """Rows [theta, tau, low, high] of the direct-hemispherical value with its 95 % interval, where known."""
     ends: Sequence[Array] = (np.full(theta.shape, np.nan),) * 2
     if hasattr(model, "tau_interval"):
-        ends = model.tau_interval(side, theta, phi_i_deg, level=0.95)
+        # That of a side made by reciprocity is as wide, relatively, as that of the side it is made from;
+        # asking for the latter spares integrating the former anew.
+        own = getattr(model, "tables", {side: None})
+        source = side if side in own else next(s for s in own if s.startswith("transmission"))
+        ends = model.tau_interval(source, theta, phi_i_deg, level=0.95)
+        if source != side:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                share = tau / np.asarray(model.direct_hemispherical(source, theta, phi_i_deg), float)
+            ends = (ends[0] * share, ends[1] * share)
     rows = zip(theta, tau, *ends)
     return [[_number(v) for v in row] for row in rows if np.isfinite(row[1])]
 

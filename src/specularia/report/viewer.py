@@ -6,7 +6,7 @@ import base64
 from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import matplotlib as mpl
 import numpy as np
@@ -51,9 +51,9 @@ def write_view(
 
     The page needs no network and no other file. It shows, for each model, the polar map of the DSF
     (logarithmic, five decades, no-data hatched; seen from the front, x to the right, y up) and the same as a
-    lobe in space; the BSDF, its standard error and the DSF under the pointer; the section through the plane of
-    incidence with measured points; and the direct-hemispherical value over the angle with its interval. The
-    incident direction is dragged on a small hemisphere or set by sliders. The page can be opened in a state:
+    lobe in space; the BSDF, its standard error and the DSF under the pointer; the section through the plane
+    of incidence with measured points; and the direct-hemispherical value over the angle with its interval.
+    The incident direction is dragged on a small hemisphere or set by sliders. The page opens in a state with
     `view.html#side=transmission_front&theta=40&phi=30&x=-40&y=0&band=Visible`, with x and y in degrees of
     polar angle.
 
@@ -86,10 +86,10 @@ def write_view(
     import jinja2
     from markupsafe import Markup
 
-    bands = {
-        name: {m.band: m for m in ([model] if hasattr(model, "evaluate") else model)}
-        for name, model in models.items()
-    }
+    bands: dict[str, dict[str, ScatteringModel]] = {}
+    for name, given in models.items():
+        several = given if isinstance(given, Sequence) else [given]
+        bands[name] = {m.band: m for m in several}
     directions = _directions(bands, measured, theta_deg)
     sides = [s for s in SIDES if any(s in m.sides for held in bands.values() for m in held.values())]
     turned = Directions(directions.theta_deg)
