@@ -50,9 +50,11 @@ def glazed_area(
     """Area = sum of weight / (density * thickness) over the rows; None where no thickness was measured.
 
     Rows without a thickness take the mean of 1 / thickness of those with one, weighed by weight: they are
-    supposed to be like them. Rows without a weight are left out. The interval is that of rows drawn anew
-    (bootstrap) with the density's error, taken as normal. It is the area of what was found, not of what was
-    glazed: fragments that were not found, were taken away or melted are not in it.
+    supposed to be like them. Rows without a weight are left out. The weight being known, the interval holds
+    the error of the density, taken as normal, and what the mean of the measured rows may be off for the
+    others, from rows drawn anew (bootstrap); errors of weighing and of the calliper are not in it. It is the
+    area of what was found, not of what was glazed: fragments that were not found, were taken away or melted
+    are not in it.
 
     Parameters
     ----------
@@ -69,21 +71,27 @@ def glazed_area(
     known = np.isfinite(finds.thickness_mm) & (weight > 0)
     if not known.any():
         return None
-    # g / (g/cm3 * mm) is 10 cm2, a thousandth of a square metre.
     over = np.divide(weight, finds.thickness_mm, out=np.zeros_like(weight), where=known)
     measured = np.where(known, weight, 0.0)
-
-    def area(over: np.ndarray, measured: np.ndarray, total: np.ndarray) -> np.ndarray:
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return total * over / measured * 1e-3
-
-    one = np.zeros(len(weight), np.intp)
-    drawn = resampled.sums([(one, 1, over), (one, 1, measured), (one, 1, weight)])
+    mean = over.sum() / measured.sum()
+    others, number = float(weight.sum() - measured.sum()), int(np.sum(~known & (weight > 0)))
+    # What the mean of the measured rows is off, and what that of the others is off it.
+    off = np.zeros(resampled.replicates)
+    if number:
+        one = np.zeros(len(weight), np.intp)
+        sizes = 1.0, float(np.sqrt(known.sum() / number))
+        for k, size in enumerate(sizes):
+            again = Resampled(resampled.n, seed=resampled.seed + k)
+            above, below = again.sums([(one, 1, over), (one, 1, measured)])
+            with np.errstate(divide="ignore", invalid="ignore"):
+                off += size * ((above / below)[:, 0] - mean)
     rng = np.random.default_rng([resampled.seed, resampled.n, 1])
     density = density_g_cm3 + density_se_g_cm3 * rng.standard_normal(resampled.replicates)
-    low, high = Resampled.ends(area(*(d[:, 0] for d in drawn)) / density)
+    # g / (g/cm3 * mm) is 10 cm2, a thousandth of a square metre.
+    whole = float(over.sum() + others * mean)
+    low, high = Resampled.ends((whole + others * off) * 1e-3 / density)
+    found = whole * 1e-3 / density_g_cm3
     total = float(weight.sum())
-    found = float(area(over.sum(), measured.sum(), np.array(total)) / density_g_cm3)
     return GlazedArea(
         area_m2=found,
         low_m2=float(low),

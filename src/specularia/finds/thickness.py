@@ -39,7 +39,7 @@ class Thickness:
 
 
 def thickness(
-    thickness_mm: Array, count: NDArray[np.int64], resampled: Resampled, *, width_mm: float = 0.25
+    thickness_mm: Array, count: NDArray[np.int64], resampled: Resampled, *, width_mm: float = 0.2
 ) -> Thickness | None:
     """The distribution over fragments; each of a row has the row's thickness. None where none was measured.
 
@@ -64,7 +64,7 @@ def thickness(
     order = np.argsort(t)
     reached = np.cumsum(n[order]) / total
     at = np.minimum(np.searchsorted(reached, [0.05, 0.25, 0.5, 0.75, 0.95]), t.size - 1)
-    # Half a millionth of a class lets 2.75 / 0.25, which is 11 less a rounding, stand in the class it begins.
+    # Half a millionth of a class lets 2.8 / 0.2, which is 14 less a rounding, stand in the class it begins.
     place = np.floor(t / width_mm + 5e-7).astype(int)
     first = int(place.min())
     counts = np.bincount(place - first, weights=n).astype(np.int64)

@@ -56,7 +56,7 @@ def finds_thickness(summary: Summary, path: str | Path) -> Path:
             axes.axvline(q, color="#666666", linestyle=(0, (3, 2)), linewidth=0.9, label=label)
         axes.axvspan(found.mean_low_mm, found.mean_high_mm, color="#d1611e", alpha=0.3, linewidth=0)
         axes.axvline(found.mean_mm, color="#d1611e", linewidth=1.3, label="mean, 95 % interval")
-        axes.set(xlim=(0, edges[-1] + 0.25), xlabel="thickness (mm)", ylabel="fragments")
+        axes.set(xlim=(0, edges[-1] + 0.2), xlabel="thickness (mm)", ylabel="fragments")
         axes.set_title(
             f"{found.measured_count:,} fragments measured, {found.mean_mm:.2f} ± {found.sd_mm:.2f} mm (s.d.)",
             loc="left",
