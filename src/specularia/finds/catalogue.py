@@ -66,7 +66,7 @@ class Finds:
     thickness_mm : array [N], millimetres; NaN where not measured.
     count : array [N] of integers, fragments in the row.
     synthetic : True where a comment of the table says so.
-    line : array [N] of integers, row of the file, counted from 1.
+    line : array [N] of integers, place in the file, counted from 1.
     x, y : arrays [N] of coordinates; NaN where unknown, None in tables without.
     coordinate_unit : of x and y: "m" on the plan, "px" on its picture.
     notes : what was let pass, with row numbers.

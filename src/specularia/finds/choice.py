@@ -22,10 +22,10 @@ class Chosen:
 
     Parameters
     ----------
-    find_number, line : of the row.
+    find_number, line : name and place in the file.
     stratum : what it stands for, such as "yellow, 2-3 mm".
     stratum_count : fragments in the stratum.
-    colour, type, room, weight_g, thickness_mm, count : of the row.
+    colour, type, room, weight_g, thickness_mm, count : as in the table.
     """
 
     find_number: str

@@ -678,6 +678,8 @@ function draw() {
   element("theme").setAttribute("aria-pressed", String(dark()));
   document.documentElement.dataset.drawMs = (performance.now() - begun).toFixed(1);
 }
+// Within a page of ours, which is light, so is the view unless it is told otherwise.
+if (parent !== window) document.documentElement.dataset.theme = "light";
 function fromAddress() {
   const wanted = new URLSearchParams(location.hash.slice(1));
   if (D.sides.includes(wanted.get("side"))) state.side = wanted.get("side");
