@@ -10,6 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from specularia import finds
 from specularia.errors import FormatError, SpeculariaWarning
@@ -439,3 +441,35 @@ def test_a_deep_sheet_of_a_spreadsheet_program_is_read_in_bounded_memory(tmp_pat
     """Filling to the last row and column is not content; 1,048,000 empty rows become none."""
     made = ods(tmp_path / "filled.ods", "".join(map(ods_row, cells())) + FILL + ods_row([None]))
     assert finds.read(made).count.sum() == 15
+
+
+def test_damaged_spreadsheets_are_read_or_refused_and_nothing_else(tmp_path):
+    whole = xlsx(tmp_path / "good.xlsx", cells()).read_bytes()
+    rng = np.random.default_rng(3)
+    refused = 0
+    for k in range(40):
+        data = bytearray(whole)
+        for at in rng.integers(0, len(whole), 1 + k % 5):
+            data[at] ^= int(rng.integers(1, 256))
+        path = tmp_path / "damaged.xlsx"
+        path.write_bytes(bytes(data))
+        try:
+            finds.read(path)
+        except FormatError:
+            refused += 1
+    assert refused > 20
+
+
+@settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.lists(st.text(alphabet="a1,;.-=+\t\"'\u00e4 \n\r\x00kgm", max_size=30), max_size=6), st.booleans())
+def test_any_text_below_the_header_is_read_or_refused_and_nothing_else(tmp_path, lines, mapped):
+    path = tmp_path / "fuzz.csv"
+    path.write_text(",".join(finds.COLUMNS) + "\n" + "\n".join(lines), encoding="utf-8", newline="")
+    mapping = (
+        finds.Mapping(missing_weight="note", duplicates="note", weight_unit="in cells") if mapped else None
+    )
+    try:
+        read = finds.read(path, mapping)
+    except FormatError:
+        return
+    assert np.isfinite(read.weight_g).any() and (read.count >= 1).all()

@@ -168,6 +168,13 @@ def test_switches_and_keys_change_what_is_shown(view, browse):
     say("dark", getComputedStyle(document.body).backgroundColor);
     say("lobes", [0, 1].map(k => document.getElementById("lobe-" + k).dataset.faces).join());
     press("ArrowRight", map); press("ArrowUp", map, true);
+    // The eye goes around all lobes at once, by hand and by key; never over the pole.
+    const from = [state.az, state.el], lobe = document.getElementById("lobe-1");
+    drag("lobe-1", [[.5, .5], [.5, .7]]);
+    press("ArrowLeft", lobe);
+    say("eye", [Math.sign(state.el - from[1]), state.az - from[0]].join());
+    drag("lobe-1", [[.5, .1], [.5, 9]]);
+    say("pole", state.el);
     """
     )
     html, log = browse(acting(path, act), "#x=0&y=0&theme=light")
@@ -180,6 +187,7 @@ def test_switches_and_keys_change_what_is_shown(view, browse):
     assert shown(html, "tau-0")[1] == "τ = 0.7000 (extrapolated)"
     assert shown(html, "tau-1") == ({"value": None}, "no data at this angle")
     assert shown(html, "value-1")[1].endswith("no data")
+    assert 'data-eye="1,5"' in html and 'data-pole="85"' in html
     # A lobe of nothing has no faces; the other has all.
     assert 'data-lobes="2820,0"' in html
     value, _ = shown(html, "value-0")

@@ -81,7 +81,7 @@ def glazed_area(
         one = np.zeros(len(weight), np.intp)
         sizes = 1.0, float(np.sqrt(known.sum() / number))
         for k, size in enumerate(sizes):
-            again = Resampled(resampled.n, seed=resampled.seed + k)
+            again = Resampled(resampled.n, seed=resampled.seed + k, replicates=resampled.replicates)
             above, below = again.sums([(one, 1, over), (one, 1, measured)])
             with np.errstate(divide="ignore", invalid="ignore"):
                 off += size * ((above / below)[:, 0] - mean)

@@ -56,15 +56,16 @@ class Resampled:
     ----------
     n : rows of the table.
     seed : of the draws; the same seed, the same intervals.
+    replicates : times that they are drawn; None takes `REPLICATES`, or fewer for tables of many rows.
 
     References
     ----------
     B. Efron, Ann. Stat. 7 (1979) 1, doi:10.1214/aos/1176344552.
     """
 
-    def __init__(self, n: int, *, seed: int = 0) -> None:
+    def __init__(self, n: int, *, seed: int = 0, replicates: int | None = None) -> None:
         self.n, self.seed = n, seed
-        self.replicates = int(np.clip(_DRAWN // max(n, 1), 200, REPLICATES))
+        self.replicates = replicates or int(np.clip(_DRAWN // max(n, 1), 200, REPLICATES))
 
     def sums(self, columns: Sequence[tuple[NDArray[np.intp], int, Array]]) -> list[Array]:
         """Sums per group in each replicate.

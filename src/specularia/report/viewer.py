@@ -28,7 +28,7 @@ __all__ = ["write_view"]
 
 Array = NDArray[np.float64]
 
-_STEPS: Final = (2.0, 3.0, 4.0, 5.0, 7.5, 10.0)
+_STEPS: Final = (2.0, 3.0, 4.0, 5.0, 7.5, 10.0, 15.0)
 """Steps between the polar angles of incidence; the first that the size allows is taken."""
 
 _AZIMUTHS: Final = (24, 16, 12, 8)

@@ -109,6 +109,10 @@ function fit(canvas) {
   return [g, box.width, box.height];
 }
 
+function capture(canvas, event) {
+  try { canvas.setPointerCapture(event.pointerId); } catch { /* A pointer that is gone already. */ }
+}
+
 // ---- Panels, one per model.
 const radius = w => w / 2 - 30;
 function make(tag, name, parent, text) {
@@ -152,7 +156,7 @@ const panels = D.models.map((model, k) => {
     draw();
   });
   let held = null;
-  lobe.addEventListener("pointerdown", event => { held = [event.clientX, event.clientY]; lobe.setPointerCapture(event.pointerId); });
+  lobe.addEventListener("pointerdown", event => { held = [event.clientX, event.clientY]; capture(lobe, event); });
   lobe.addEventListener("pointermove", event => {
     if (!held) return;
     look(state.az - .5 * (event.clientX - held[0]), state.el + .5 * (event.clientY - held[1]));
@@ -461,7 +465,7 @@ function paintIncident() {
   };
   hemisphere.addEventListener("pointerdown", event => {
     held = true;
-    try { hemisphere.setPointerCapture(event.pointerId); } catch { /* A pointer that is gone already. */ }
+    capture(hemisphere, event);
     at(event);
   });
   hemisphere.addEventListener("pointermove", event => { if (held) at(event); });
