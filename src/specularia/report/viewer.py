@@ -135,7 +135,7 @@ def write_view(
         data=data,
         synthetic=synthetic,
         version=__version__,
-        script=Markup((parts / "view.js").read_text(encoding="utf-8")),
+        scripts=[Markup((parts / f).read_text(encoding="utf-8")) for f in ("view_lobe.js", "view.js")],
         three=Markup((parts / "three.min.js").read_text(encoding="utf-8")),
         licence=Markup((parts / "three.LICENSE.txt").read_text(encoding="utf-8")),
     )
