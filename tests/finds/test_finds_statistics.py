@@ -206,7 +206,8 @@ def test_the_written_tables_hold_the_numbers_exactly(table, plan, tmp_path):
         result = finds.summary(table, plan)
     written = finds.write_summary(result, tmp_path / "out")
     assert {p.name for p in written} == {
-        "by_colour.csv", "by_room.csv", "by_type.csv", "by_thickness_class.csv", "density_room.csv"
+        "by_colour.csv", "by_room.csv", "by_type.csv", "by_thickness_class.csv", "density_room.csv",
+        "thickness.csv", "glazed_area.csv",
     }  # fmt: skip
     with (tmp_path / "out" / "by_colour.csv").open(newline="", encoding="utf-8") as f:
         rows = list(csv.DictReader(f))
@@ -223,12 +224,24 @@ def test_the_command_counts_draws_and_prints_one_json_object(command, table, pla
     code, out, err = command("finds", "summary", table, "--plan", plan, "-o", tmp_path / "out", "--json")
     assert code == 0
     assert (out["total_count"], out["total_weight_g"], out["synthetic"]) == (20, 50.0, False)
-    assert out["groups"]["colour"][0] == {
+    brown = out["groups"]["colour"][0]
+    assert {k: brown[k] for k in ("name", "count", "weight_g", "count_share", "weight_share")} == {
         "name": "brown", "count": 10, "weight_g": 20.0, "count_share": 0.5, "weight_share": 0.4
     }  # fmt: skip
+    assert brown["count_low"] < 0.5 < brown["count_high"]
+    assert brown["weight_low"] < 0.4 < brown["weight_high"]
+    assert out["thickness"]["measured_count"] == 10
+    assert out["area"]["low_m2"] < out["area"]["area_m2"] < out["area"]["high_m2"]
     assert out["density"]["room"][0]["count_per_m2"] == 0.5
     assert err.count("lie in no room") == 1
-    for name in ("finds_by_colour.png", "finds_by_colour.csv", "finds_on_plan_room.png", "density_room.csv"):
+    for name in (
+        "finds_by_colour.png",
+        "finds_thickness.png",
+        "thickness.csv",
+        "finds_by_colour.csv",
+        "finds_on_plan_room.png",
+        "density_room.csv",
+    ):
         assert (tmp_path / "out" / name).stat().st_size > 0
     with (tmp_path / "out" / "finds_by_colour.csv").open(newline="", encoding="utf-8") as f:
         assert [float(r["weight_g"]) for r in csv.DictReader(f)] == [20.0, 15.0, 11.0, 4.0]

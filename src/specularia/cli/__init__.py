@@ -14,7 +14,7 @@ __all__ = ["entry", "main"]
 _GROUPS = ("gonio", "surface", "glass", "bsdf", "daylight", "finds", "study")
 """Modules with a Typer object `app`, mounted under their own name."""
 
-_SINGLE = ("demo", "twin", "explain", "infer", "hybrid")
+_SINGLE = ("demo", "twin", "explain", "infer", "hybrid", "doctor")
 """Modules with one function of that name, mounted as a command."""
 
 

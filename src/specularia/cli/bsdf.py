@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from enum import StrEnum
 from io import BytesIO
@@ -353,13 +353,33 @@ def mitsuba(
 
 @app.command()
 def view(
-    file: File,
+    file: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FILE...",
+            help="BSDF files (.xml or .nc), measured tables, or folders of tables; each is a model.",
+            show_default=False,
+        ),
+    ],
     output: Annotated[Path, typer.Option("-o", "--output", help="The .html file to write.")],
-    band: Band = None,
+    theta: Annotated[
+        str,
+        typer.Option("--theta", help="Angles of incidence to hold, degrees; every 2 degrees unless given."),
+    ] = "",
+    band: Annotated[
+        str | None, typer.Option("--band", help="Band of an .xml with several; all of them unless given.")
+    ] = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """An interactive picture in one file that opens offline."""
+    """An interactive picture of one model or several in one file that opens offline.
+
+    Measured tables are fitted, and their points drawn into the section. Drag the light on the small
+    hemisphere.
+    """
+    angles = numbers(theta, option="--theta") if theta else None
+    if angles is not None and not all(0.0 <= a < 90.0 for a in angles):
+        raise typer.BadParameter("angles lie in 0 <= theta < 90", param_hint="--theta")
     with session(quiet=quiet):
         from specularia import bsdf
         from specularia.files import writable
@@ -368,12 +388,36 @@ def view(
         if output.suffix not in (".html", ".htm"):
             raise typer.BadParameter(f"{output} does not end in .html", param_hint="-o")
         writable(output)
-        models = {file.stem: bsdf.read(file, band=band)}
-        path = write_view(models, output, title=file.name, synthetic=_synthetic(models))
-        emit({"path": str(path.resolve())}, as_json=as_json, lines=[str(path)])
+        models: dict[str, Sequence[TabulatedModel | XmlModel]] = {}
+        measured: list[Table] = []
+        for path in file:
+            model, tables = _source(path)
+            bands = model.bands if isinstance(model, bsdf.XmlModel) else ()
+            held = [bsdf.read(path, band=b) for b in ([band] if band else bands)] if bands else [model]
+            name, k = path.stem or path.name, 1
+            while name in models:
+                k += 1
+                name = f"{path.stem} ({k})"
+            models[name] = held
+            measured += tables
+        title = ", ".join(path.name for path in file)
+        synthetic = any(_synthetic(dict(enumerate(held))) for held in models.values()) or any(
+            t.synthetic for t in measured
+        )
+        path = write_view(
+            models, output, theta_deg=angles, measured=measured, title=title, synthetic=synthetic
+        )
+        payload = {
+            "path": str(path.resolve()),
+            "models": list(models),
+            "bands": {name: [m.band for m in held] for name, held in models.items()},
+            "measured": len(measured),
+            "bytes": path.stat().st_size,
+        }
+        emit(payload, as_json=as_json, lines=[f"{path}: {path.stat().st_size / 1e6:.1f} MB"])
 
 
-def _synthetic(models: dict[str, TabulatedModel | XmlModel]) -> bool:
+def _synthetic(models: Mapping[Any, TabulatedModel | XmlModel]) -> bool:
     return any("synthetic" in m.attributes for m in models.values())
 
 

@@ -3,56 +3,67 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import matplotlib as mpl
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from specularia import __version__
+from specularia.conventions import SIDES
 from specularia.files import write_text
+from specularia.report import _view_data
+from specularia.report._view_data import GRID, Directions
 from specularia.report.figures import _hemisphere
-from specularia.report.style import colour_of, model_name
+from specularia.report.style import COLOURS, colour_of, model_name
 
 if TYPE_CHECKING:
     from specularia.bsdf import ScatteringModel
+    from specularia.gonio import Table
 
-__all__ = ["ANGLES", "write_view"]
+__all__ = ["write_view"]
 
 Array = NDArray[np.float64]
 
-ANGLES: Final = (*range(0, 84, 4), 82.5, 84, 88)
-"""Angles of incidence that a view holds, degrees, unless others are given."""
+_STEPS: Final = (2.0, 3.0, 4.0, 5.0, 7.5, 10.0, 15.0)
+"""Steps between the polar angles of incidence; the first that the size allows is taken."""
 
-_PIXELS: Final = 120
-"""Pixels across a hemisphere: 1.5 degrees each."""
+_AZIMUTHS: Final = (24, 16, 12, 8)
+"""Numbers of azimuths of incidence where a model is not isotropic, likewise."""
 
-_NO_DATA, _FLOOR, _FIRST, _LAST = 0, 1, 2, 65535
-"""Codes of a pixel: no data; at or below zero; lowest and highest value of the logarithmic scale."""
+_BUDGET: Final = 12e6
+"""Bytes that the tables of a view may have, unless the caller sets the angles."""
 
 
 def write_view(
-    models: Mapping[str, ScatteringModel],
+    models: Mapping[str, ScatteringModel | Sequence[ScatteringModel]],
     path: str | Path,
     *,
     theta_deg: ArrayLike | None = None,
+    measured: Sequence[Table] = (),
     title: str = "Scattering of window glass",
     synthetic: bool = False,
 ) -> Path:
-    """Write a view: hemispheres of the DSF side by side on one scale, over angle of incidence and side.
+    """Write a view: models side by side, over the incident direction, the side and the band.
 
     The page needs no network and no other file. It shows, for each model, the polar map of the DSF
-    (logarithmic, five decades, no-data hatched; seen from the front, x to the right, y up), the value under
-    the pointer, and the curve of the direct-hemispherical value over the angle. Its state can be set in the
-    address: `view.html#side=transmission_front&theta=40&x=-40&y=0`, with x and y in degrees of polar angle.
+    (logarithmic, five decades, no-data hatched; seen from the front, x to the right, y up) and the same as a
+    lobe in space; the BSDF, its standard error and the DSF under the pointer; the section through the plane
+    of incidence with measured points; and the direct-hemispherical value over the angle with its interval.
+    The incident direction is dragged on a small hemisphere or set by sliders. The page opens in a state with
+    `view.html#side=transmission_front&theta=40&phi=30&x=-40&y=0&band=Visible`, with x and y in degrees of
+    polar angle.
 
     Parameters
     ----------
-    models : by name.
-    path : HTML file to write; about 1 MB per model and side.
-    theta_deg : array [N], angles of incidence that the slider steps through; None takes `ANGLES`.
+    models : by name; a sequence where a model has several bands, which the page then switches between.
+    path : HTML file to write; 0.5 MB, and about 1 MB (2 with standard errors) per model and side.
+    theta_deg : array [N], polar angles of incidence, degrees, 0 <= theta < 90. None takes steps of 2 degrees,
+        or larger ones where the page would grow beyond 15 MB; those of `measured` are added.
+    measured : tables whose points near the plane of incidence are drawn into the section.
     title : heading of the page.
     synthetic : True labels the page.
 
@@ -62,71 +73,106 @@ def write_view(
 
     Notes
     -----
-    Values are means over pixels of 1.5 degrees, stored with a relative precision of 0.02 % over ten decades:
-    a peak narrower than a pixel appears lower than it is.
+    Values are those of `evaluate` at fixed directions: every 2 degrees over the hemisphere and every 0.5
+    within 12 degrees of the undeflected (or mirrored) direction. They are stored with a relative precision of
+    0.02 % over ten decades, standard errors to 3 %. Nothing is interpolated: the page shows the nearest
+    direction that it holds, and says which.
+
+    Examples
+    --------
+    >>> from specularia.bsdf import read  # doctest: +SKIP
+    >>> write_view({"M": read("m.nc"), "C": read("c.nc")}, "view.html")  # doctest: +SKIP
     """
     import jinja2
+    from markupsafe import Markup
 
-    angles = np.atleast_1d(np.asarray(ANGLES if theta_deg is None else theta_deg, float))
-    grid = _hemisphere.pixels(_PIXELS)
-    held = {name: _model_data(model, name, k, angles, grid) for k, (name, model) in enumerate(models.items())}
-    sides = list(dict.fromkeys(s for m in held.values() for s in m["sides"]))
+    bands: dict[str, dict[str, ScatteringModel]] = {}
+    for name, given in models.items():
+        several = given if isinstance(given, Sequence) else [given]
+        bands[name] = {m.band: m for m in several}
+    directions = _directions(bands, measured, theta_deg)
+    sides = [s for s in SIDES if any(s in m.sides for held in bands.values() for m in held.values())]
+    turned = Directions(directions.theta_deg)
     data = {
-        "angles": angles.tolist(),
-        "pixels": _PIXELS,
+        "theta": directions.theta_deg,
+        "phi": directions.phi_deg,
+        "grid": {
+            "step": GRID.step_deg,
+            "fine": GRID.fine_deg,
+            "half": GRID.fine_half,
+            "section": GRID.section_deg,
+        },
+        "error": [_view_data.ERROR_LOW, _view_data.ERROR_HIGH, _view_data.ERROR_STEPS],
         "decades": _hemisphere.DECADES,
         "sides": sides,
-        "models": list(held.values()),
+        # What the switch offers: a model of one band is shown in it, whatever the others show.
+        "bands": list(dict.fromkeys(b for held in bands.values() if len(held) > 1 for b in held)),
+        "models": [
+            {
+                "name": model_name(name),
+                "colour": colour_of(name, k),
+                "isotropic": all(map(_isotropic, held.values())),
+                "bands": {
+                    band: {
+                        side: _view_data.side_data(m, side, turned if _isotropic(m) else directions)
+                        for side in m.sides
+                    }
+                    for band, m in held.items()
+                },
+            }
+            for k, (name, held) in enumerate(bands.items())
+        ],
+        "measured": _view_data.measured_data(measured),
+        "measuredColour": COLOURS["measured"],
         "colours": base64.b64encode(_lookup_table().tobytes()).decode(),
     }
+    parts = resources.files("specularia.report") / "view_page"
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("specularia.report"), autoescape=True, undefined=jinja2.StrictUndefined
     )
     html = environment.get_template("view.html.j2").render(
-        title=title, data=data, synthetic=synthetic, version=__version__
+        title=title,
+        data=data,
+        synthetic=synthetic,
+        version=__version__,
+        scripts=[Markup((parts / f).read_text(encoding="utf-8")) for f in ("view_lobe.js", "view.js")],
+        three=Markup((parts / "three.min.js").read_text(encoding="utf-8")),
+        licence=Markup((parts / "three.LICENSE.txt").read_text(encoding="utf-8")),
     )
     return write_text(path, html)
 
 
-def _model_data(
-    model: ScatteringModel, name: str, index: int, angles: Array, grid: _hemisphere.Pixels
-) -> dict[str, Any]:
-    """What the page holds of a model: coded maps and curves of each side."""
-    sides = {}
-    for side in model.sides:
-        maps = np.stack([_hemisphere.mean_dsf(model, side, float(t), 0.0, grid) for t in angles])
-        codes, low, step = _coded(maps)
-        fine = np.append(np.arange(0.0, 90.0, 1.5), 89.9)
-        tau = np.asarray(model.direct_hemispherical(side, fine), float)
-        table = getattr(model, "tables", {}).get(side)
-        knots = (
-            []
-            if table is None
-            else [list(map(float, k)) for k in zip(table.theta_i_deg, table.tau, table.tau_se)]
+def _isotropic(model: ScatteringModel) -> bool:
+    return bool(getattr(model, "isotropic", True))
+
+
+def _directions(
+    bands: Mapping[str, Mapping[str, ScatteringModel]], measured: Sequence[Table], theta_deg: ArrayLike | None
+) -> Directions:
+    """The incident directions: as many as the page has room for, with those of the measurements."""
+    every = [m for held in bands.values() for m in held.values()]
+    turning = not all(map(_isotropic, every))
+    added = {float(f"{t.polar_deg:.6g}") for t in measured if t.polar_deg < 90.0}
+    made = Directions(())
+    for k, step in enumerate(_STEPS):
+        count = _AZIMUTHS[min(k, len(_AZIMUTHS) - 1)]
+        phi = tuple(360.0 * i / count for i in range(count)) if turning else (0.0,)
+        theta = (
+            np.arange(0.0, 89.0, step) if theta_deg is None else np.atleast_1d(np.asarray(theta_deg, float))
         )
-        sides[side] = {
-            "map": base64.b64encode(codes.astype("<u2").tobytes()).decode(),
-            "low": low,
-            "step": step,
-            "top": float(np.nanmax(maps, initial=0.0)),
-            "curve": [[float(a), float(b)] for a, b in zip(fine, tau) if np.isfinite(b)],
-            "tau": [float(t) if np.isfinite(t) else None for t in model.direct_hemispherical(side, angles)],
-            "knots": knots,
-            "last": getattr(model, "extrapolated_beyond_deg", {}).get(side),
-        }
-    return {"name": model_name(name), "band": model.band, "colour": colour_of(name, index), "sides": sides}
-
-
-def _coded(maps: Array) -> tuple[NDArray[np.uint16], float, float]:
-    """Logarithms as 16-bit codes, with log10 of the first code and the step between two."""
-    positive = maps[np.isfinite(maps) & (maps > 0)]
-    high = float(np.log10(positive.max())) if positive.size else 0.0
-    low = max(high - 10.0, float(np.log10(positive.min()))) if positive.size else -1.0
-    step = max(high - low, 1e-9) / (_LAST - _FIRST)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        code = _FIRST + np.rint((np.log10(maps) - low) / step)
-    code = np.where(maps > 0, np.clip(code, _FIRST, _LAST), _FLOOR)
-    return np.where(np.isfinite(maps), code, _NO_DATA).astype(np.uint16), low, step
+        made = Directions(tuple(sorted({*map(float, theta), *added})), phi)
+        size = sum(
+            len(m.sides)
+            * (len(made.theta_deg) if _isotropic(m) else made.count)
+            * GRID.stride
+            * (3 if hasattr(m, "standard_error") else 2)
+            * 4
+            / 3
+            for m in every
+        )
+        if size <= _BUDGET:
+            break
+    return made
 
 
 def _lookup_table() -> NDArray[np.uint8]:

@@ -144,8 +144,9 @@ def _finds(job: StudyJob, sources: Sources, notes: _Notebook) -> None:
     if job.finds is None:
         return
     with notes.page():
+        mappings = sources.outside([job.finds.mapping])
         for file in sources.outside([job.finds.table]):
-            finds.read(file)
+            finds.read(file, mappings[0] if mappings else None)
     with notes.page():
         for file in sources.outside([job.finds.plan]):
             finds.read_plan(file)

@@ -81,9 +81,8 @@ def stages_of(job: StudyJob, file: Path, *, seed: int | None = None) -> list[Sta
             )
         )
     if job.finds:
-        stages.append(
-            Stage("finds", finds.finds, **_files(sources, table=[job.finds.table], plan=[job.finds.plan]))
-        )
+        named = {k: [getattr(job.finds, k)] for k in ("table", "plan", "mapping")}
+        stages.append(Stage("finds", finds.finds, **_files(sources, **named)))
     stages.append(
         Stage(
             "report",

@@ -176,9 +176,11 @@ class FindsFiles(Job):
     """[finds]: the catalogue of finds."""
 
     table: Pattern
-    """CSV of `specularia finds`."""
+    """CSV, XLSX or ODS of `specularia finds`."""
     plan: Pattern | None = None
     """GeoJSON with the rooms and squares that the table names."""
+    mapping: Pattern | None = None
+    """Mapping file, for tables with other names, words or units."""
 
 
 class ReportOptions(Job):

@@ -244,8 +244,9 @@ def _text(found: _Found, unknown: Sequence[Path], written: set[str]) -> str:
         + section(
             "finds",
             [
-                line("table", (kinds["finds"] or ["finds.csv"])[0], "CSV, a row per find"),
+                line("table", (kinds["finds"] or ["finds.csv"])[0], "CSV, XLSX or ODS, a row per find"),
                 line("plan", kinds["plan"][0] if kinds["plan"] else None, "GeoJSON with rooms and squares"),
+                line("mapping", None, "names, words and units of a table in other terms"),
             ],
             bool(kinds["finds"]),
         ),

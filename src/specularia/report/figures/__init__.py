@@ -9,6 +9,7 @@ from specularia.report.figures.cutoff import cutoff
 from specularia.report.figures.day import day_curves
 from specularia.report.figures.distribution import dsf, measured_dsf, ratio_map
 from specularia.report.figures.finds import finds_by_colour, finds_on_plan
+from specularia.report.figures.finds_places import finds_density, finds_thickness
 from specularia.report.figures.fragment import contrast_over_gap, fragment_pictures
 from specularia.report.figures.healing import healed
 from specularia.report.figures.illuminance import illuminance_plans
@@ -29,7 +30,9 @@ __all__ = [
     "directions",
     "dsf",
     "finds_by_colour",
+    "finds_density",
     "finds_on_plan",
+    "finds_thickness",
     "fragment_pictures",
     "healed",
     "height_maps",

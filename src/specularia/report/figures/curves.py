@@ -158,7 +158,7 @@ def sections(
                     angle, values, color=style.colour_of(name, j), linewidth=1.1, label=style.model_name(name)
                 )
                 top = max(top, float(np.nanmax(values, initial=0.0)))
-            found, values = _near_plane(measured, side, float(theta))
+            found, values = near_plane(measured, side, float(theta))
             rows += [("measured", float(theta), float(a), float(v)) for a, v in zip(found, values)]
             if found.size:
                 panel.plot(
@@ -187,7 +187,7 @@ def sections(
         return style.save(figure, path, synthetic=synthetic)
 
 
-def _near_plane(tables: Sequence[Table], side: str, theta_i_deg: float) -> tuple[Array, Array]:
+def near_plane(tables: Sequence[Table], side: str, theta_i_deg: float) -> tuple[Array, Array]:
     """Signed polar angle and DSF of measured points within 1 degree of the plane of incidence."""
     angles, values = [np.zeros(0)], [np.zeros(0)]
     for table in tables:

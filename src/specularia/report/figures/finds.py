@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import astuple, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -14,6 +15,7 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 from numpy.typing import NDArray
 
+from specularia.finds.tables_out import neutral
 from specularia.report import style
 
 if TYPE_CHECKING:
@@ -44,7 +46,7 @@ def finds_by_colour(summary: Summary, path: str | Path) -> Path:
     ----------
     summary : of a table of finds; a synthetic one labels the figure.
     path : PNG to write; a CSV of the same name gets the columns colour, count, weight_g, count_share,
-        weight_share.
+        weight_share, and the ends of their 95 % intervals, which the lines on the bars show.
 
     Returns
     -------
@@ -53,28 +55,30 @@ def finds_by_colour(summary: Summary, path: str | Path) -> Path:
     groups = summary.groups["colour"]
     style.write_csv(
         Path(path).with_suffix(".csv"),
-        ("colour", "count", "weight_g", "count_share", "weight_share"),
-        [(g.name, g.count, g.weight_g, g.count_share, g.weight_share) for g in groups],
+        ("colour", *[f.name for f in fields(groups[0])][1:]),
+        [(neutral(g.name), *astuple(g)[1:]) for g in groups],
     )
     place = np.arange(len(groups), dtype=float)
     with style.canvas(5.6, 0.42 * len(groups) + 1.15) as figure:
         left, right = figure.subplots(1, 2, sharey=True)
-        parts: tuple[tuple[Axes, list[float], list[str], str], ...] = (
+        parts: tuple[tuple[Axes, list[float], list[tuple[float, float]], list[str], str], ...] = (
             (
                 left,
                 [g.count_share for g in groups],
+                [(g.count_low, g.count_high) for g in groups],
                 [f"{g.count:,}" for g in groups],
                 f"(a)  fragments, total {summary.total_count:,}",
             ),
             (
                 right,
                 [g.weight_share for g in groups],
+                [(g.weight_low, g.weight_high) for g in groups],
                 [f"{g.weight_g / 1000:,.2f} kg" for g in groups],
                 f"(b)  weight, total {summary.total_weight_g / 1000:,.2f} kg",
             ),
         )
-        top = max(max(shares) for _, shares, _, _ in parts)
-        for axes, shares, labels, title in parts:
+        top = max(max(*shares, *(high for _, high in ends)) for _, shares, ends, _, _ in parts)
+        for axes, shares, ends, labels, title in parts:
             axes.barh(
                 place,
                 [100 * s for s in shares],
@@ -83,16 +87,19 @@ def finds_by_colour(summary: Summary, path: str | Path) -> Path:
                 edgecolor="#444444",
                 linewidth=0.5,
             )
-            for y, share, label in zip(place, shares, labels):
+            for y, share, (low, high), label in zip(place, shares, ends, labels):
+                axes.plot(
+                    [100 * low, 100 * high], [y, y], color="#222222", linewidth=0.9, marker="|", markersize=4
+                )
                 axes.annotate(
                     f"{100 * share:.1f} %  ({label})",
-                    (100 * share, y),
+                    (100 * max(share, high), y),
                     xytext=(3, 0),
                     textcoords="offset points",
                     va="center",
                     fontsize=6.5,
                 )
-            axes.set(xlim=(0, 100 * top * 1.55), xlabel="share (%)")
+            axes.set(xlim=(0, 100 * top * 1.55), xlabel="share (%), 95 % interval")
             axes.set_title(title, loc="left")
             axes.tick_params(axis="y", length=0)
         left.set_yticks(place, [g.name for g in groups])
@@ -121,7 +128,10 @@ def finds_on_plan(summary: Summary, plan: Plan, path: str | Path, *, kind: str =
     style.write_csv(
         Path(path).with_suffix(".csv"),
         (kind, "area_m2", "count", "weight_g", "count_per_m2", "weight_g_per_m2"),
-        [(d.name, d.area_m2, d.count, d.weight_g, d.count_per_m2, d.weight_g_per_m2) for d in rows.values()],
+        [
+            (neutral(d.name), d.area_m2, d.count, d.weight_g, d.count_per_m2, d.weight_g_per_m2)
+            for d in rows.values()
+        ],
     )
     points = np.concatenate([rings[0] for a in plan.areas for rings in a.polygons])
     (x0, y0), (x1, y1) = points.min(axis=0), points.max(axis=0)

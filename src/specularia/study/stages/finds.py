@@ -20,7 +20,9 @@ def finds(work: Work) -> Mapping[str, Any]:
 
     plans = work.files("plan")
     plan = package.read_plan(plans[0]) if plans else None
-    summary = package.summary(work.file("table"), plan)
+    mappings = work.files("mapping")
+    table = package.read(work.file("table"), mappings[0] if mappings else None)
+    summary = package.summary(table, plan)
     package.write_summary(summary, work.folder)
     caption = (
         f"Finds of window glass by colour: {summary.total_count:,} fragments of "
@@ -32,10 +34,22 @@ def finds(work: Work) -> Mapping[str, Any]:
         ),
         figure(
             figures.finds_by_colour(summary, work.folder / "finds_by_colour.png"),
-            "Share of fragments and of weight of each colour group.",
+            "Share of fragments and of weight of each colour group; the lines are 95 % intervals, Wilson's "
+            "for fragments, a bootstrap over rows for weight.",
             synthetic=summary.synthetic,
         ),
     ]
+    if summary.thickness is not None and summary.area is not None:
+        thick, area = summary.thickness, summary.area
+        blocks.append(
+            figure(
+                figures.finds_thickness(summary, work.folder / "finds_thickness.png"),
+                f"Thickness of {thick.measured_count:,} fragments: mean {thick.mean_mm:.2f} mm, median "
+                f"{thick.quantiles_mm[2]:g} mm. At {area.density_g_cm3:g} g/cm³ the fragments cover "
+                f"{area.area_m2:.2f} m² (95 % interval {area.low_m2:.2f} to {area.high_m2:.2f} m²).",
+                synthetic=summary.synthetic,
+            )
+        )
     if plan is not None:
         for kind in summary.density:
             picture = figures.finds_on_plan(summary, plan, work.folder / f"finds_by_{kind}.png", kind=kind)
