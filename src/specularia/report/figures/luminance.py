@@ -162,7 +162,7 @@ def is_fisheye(image: Image) -> bool:
 
 
 def in_circle(shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    """[rows, columns] pixels of a fisheye that its circle covers whole; those on its rim are in part black."""
+    """[rows, columns] pixels of a fisheye that its circle covers whole; those on its rim are partly black."""
     y, x = (2.0 * (np.arange(n) + 0.5) / n - 1.0 for n in shape[:2])
     return np.asarray(np.hypot(x[None, :], y[:, None]) < 1.0 - np.sqrt(2.0) / shape[1])
 
