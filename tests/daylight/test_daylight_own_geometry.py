@@ -177,7 +177,7 @@ def test_undeflected_sun_and_what_it_sheds_on_are_in_a_room_from_files_as_in_the
         "position_m": [2.0, 3.2, 1.6],
         "direction": [0, -1, -0.9],
         "horizontal_deg": 70.0,
-        "size_px": [24, 18],
+        "size_px": [16, 12],
     }
     more = {
         "sun": SUN,
@@ -197,11 +197,12 @@ def test_undeflected_sun_and_what_it_sheds_on_are_in_a_room_from_files_as_in_the
     assert found.points[0].direct_lx > 1e4 > 10 > found.points[1].direct_lx
     one, two = found.images[0].luminance, box.images[0].luminance
     assert two.max() > 50 * np.median(two)
-    assert one.mean() == pytest.approx(two.mean(), rel=0.05)
-    # Borders of the patch are finer in one of the two; all other pixels agree.
-    assert np.median(np.abs(one / two - 1.0)) < 0.05
+    # The patch is a few pixels wide; its borders are the mean of nine places in one picture, of four in the
+    # other.
+    assert one.mean() == pytest.approx(two.mean(), rel=0.1)
+    assert np.median(np.abs(one / two - 1.0)) < 0.03
     bright = two > 0.9 * two.max()
-    assert bright.sum() > 5
+    assert bright.sum() > 2
     assert np.median(one[bright]) == pytest.approx(np.median(two[bright]), rel=0.02)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specularia.report import style
+from specularia.report.figures.luminance import in_circle, is_fisheye
 
 if TYPE_CHECKING:
     from specularia.daylight import Image
@@ -59,8 +60,8 @@ def colour_pictures(images: Sequence[Image], path: str | Path, *, synthetic: boo
     with style.canvas(3.2 * len(images), 3.2 * shape[0] / shape[1] + 0.55) as figure:
         axes = figure.subplots(1, len(images), squeeze=False)[0]
         for k, (image, picture) in enumerate(zip(images, screen(tristimuli))):
-            if _fisheye(image):
-                picture = np.where(np.asarray(image.luminance)[..., None] > 0.0, picture, 1.0)
+            if is_fisheye(image):
+                picture = np.where(in_circle(picture.shape)[..., None], picture, 1.0)
             axes[k].imshow(picture, origin="upper")
             grey = "" if image.xyz is not None else " (one band: grey)"
             axes[k].set_title(f"{style.letter(k)}  {style.model_name(image.model)}{grey}")
@@ -73,10 +74,6 @@ def colour_pictures(images: Sequence[Image], path: str | Path, *, synthetic: boo
             numbers |= {f"xyz_{k}": xyz.astype(np.float32), f"model_{k}": image.model}
         style.write_npz(Path(path).with_suffix(".npz"), numbers)
         return style.save(figure, path, synthetic=synthetic)
-
-
-def _fisheye(image: Image) -> bool:
-    return getattr(getattr(image, "view", None), "kind", "") == "fisheye"
 
 
 def screen(tristimuli: Sequence[Array], *, white: float | None = None) -> list[Array]:

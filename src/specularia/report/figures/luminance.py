@@ -19,7 +19,7 @@ from specularia.report import style
 if TYPE_CHECKING:
     from specularia.daylight import Image, Point
 
-__all__ = ["luminance_maps"]
+__all__ = ["in_circle", "is_fisheye", "luminance_maps"]
 
 Array = NDArray[np.float64]
 
@@ -153,7 +153,18 @@ def _kind(image: Image) -> str:
 def _seen(image: Image) -> Array:
     """Luminance, NaN outside the circle of a fisheye."""
     values = np.asarray(image.luminance, float)
-    return np.where(values > 0, values, np.nan) if _kind(image) == "fisheye" else values
+    return np.where((values > 0) & in_circle(values.shape), values, np.nan) if is_fisheye(image) else values
+
+
+def is_fisheye(image: Image) -> bool:
+    """Whether a record was taken with a fisheye."""
+    return _kind(image) == "fisheye"
+
+
+def in_circle(shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """[rows, columns] pixels of a fisheye that its circle covers whole; those on its rim are partly black."""
+    y, x = (2.0 * (np.arange(n) + 0.5) / n - 1.0 for n in shape[:2])
+    return np.asarray(np.hypot(x[None, :], y[:, None]) < 1.0 - np.sqrt(2.0) / shape[1])
 
 
 def _north(panel: Axes) -> None:
