@@ -148,7 +148,7 @@ def colouring(medium: Medium, *, illuminant: str = "D65") -> Colouring:
     """
     seen = viewing(illuminant)
     absorption = np.array([medium.absorption_at(float(w)) for w in WAVELENGTHS_NM])
-    way = np.concatenate([[0.0], np.geomspace(1e-3, LONGEST_MM, 4000)])
+    way = np.concatenate([[0.0], np.geomspace(1e-3, LONGEST_MM, 6000)])
     out = Colouring(illuminant, absorption, seen.weights, way, np.empty((3, 0)))
     return replace(out, log_share=np.log(np.maximum(out.share(way), 1e-300)))
 
