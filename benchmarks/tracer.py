@@ -9,6 +9,7 @@ says otherwise, ratios are of one run, and means over incident angles geometric.
 threads   two threads against two processes of one thread (wall time; wants a calm machine)
 model     Model C from both sides to a noise of 3 % per direction (wall time, all threads; a calm machine)
 speed     thousand paths per second, s and p averaged, against the prototype
+spectra   another absorption spectrum on stored paths: colour of each direction (bar 1 s)
 options   what polarisation, bubbles and absorption cost
 radiance  noise times time in 64 x 64 bins against rfluxmtx on an array of tiles, with Radiance's R + T
 mitsuba   the same paths in Mitsuba, where that is installed with a libLLVM
@@ -136,6 +137,35 @@ def options() -> Lines:
     yield "|---|---|---|"
     for c, bar in ((1, 1.5), (2, 1.3), (3, 1.1)):
         yield f"| {cases[c][0]} | **{mean(t[c] / t[0]):.2f}** | {bar} |"
+
+
+def spectra() -> Lines:
+    """Another absorption spectrum on stored paths."""
+    from specularia.glass import GLASSES, colouring, trace_paths
+    from specularia.glass.colour import lab
+    from specularia.glass.model import NODES_DEG
+
+    slab, each = with_(pane()), 100_000
+    stored = [trace_paths(slab, theta_deg=t, phi_deg=None, paths=each, clear=True) for t in NODES_DEG]
+    yield f"{len(stored)} incident angles of {each} paths each, stored; X, Y, Z and L*, a*, b* at every angle"
+    yield ""
+    yield "| glass | CPU seconds | L*, a*, b* at 0 |"
+    yield "|---|---|---|"
+    colouring(Medium())
+    for name, kind in GLASSES.items():
+        seconds = []
+        for _ in range(RUNS):
+            start = time.process_time()
+            how = colouring(Medium(absorption_per_mm=kind.spectrum()))
+            xyz = []
+            for paths in stored:
+                through = paths.transmitted
+                way, weight = paths.glass_length_mm[through], paths.weight[through]
+                xyz.append(how.quick_share(way) @ weight / len(paths))
+            colour = lab(xyz)
+            seconds.append(time.process_time() - start)
+        shown = ", ".join(f"{v:.1f}" for v in colour[0])
+        yield f"| {name} | **{np.median(seconds):.2f}** | {shown} |"
 
 
 def radiance() -> Lines:
@@ -333,7 +363,7 @@ def model() -> Lines:
     yield f"| {total:.0f} million | {noise:.4f} | **{wall:.0f}** | {used:.0f} | 300 s on two cores |"
 
 
-PARTS = {f.__name__: f for f in (threads, model, speed, options, radiance, mitsuba, embree)}
+PARTS = {f.__name__: f for f in (threads, model, speed, spectra, options, radiance, mitsuba, embree)}
 
 
 def main() -> int:

@@ -8,7 +8,8 @@ import pytest
 from glass_reference import smooth_map
 
 from specularia import bsdf
-from specularia.bsdf import check_render
+from specularia.bsdf import TensorTree, check_render
+from specularia.bsdf.chroma import chroma_trees
 from specularia.errors import CoverageError, FormatError, PhysicsError
 from specularia.glass import (
     GLASSES,
@@ -128,8 +129,8 @@ def test_neutral_glass_has_three_equal_bands_and_clear_glass_takes_nothing():
     way = np.array([0.0, 1.0, 30.0, 3e4])
     assert np.allclose(grey.share(way), np.exp(-0.1 * way), rtol=1e-12)
     for band in range(3):
-        assert np.allclose(grey.quick_share(band, way), np.exp(-0.1 * way), rtol=1e-5)
-        assert colouring(Medium()).quick_share(band, way) == pytest.approx(1.0, abs=1e-12)
+        assert np.allclose(grey.quick_share(way)[band], np.exp(-0.1 * way), rtol=1e-5)
+        assert colouring(Medium()).quick_share(way)[band] == pytest.approx(1.0, abs=1e-12)
 
 
 def test_the_table_of_shares_is_right_to_1e_5():
@@ -137,7 +138,7 @@ def test_the_table_of_shares_is_right_to_1e_5():
     way = np.random.default_rng(1).exponential(8.0, 2000)
     exact = how.share(way)
     for band in range(3):
-        assert np.allclose(how.quick_share(band, way), exact[band], rtol=1e-5)
+        assert np.allclose(how.quick_share(way)[band], exact[band], rtol=1e-5)
 
 
 def test_the_white_is_that_of_the_illuminant():
@@ -216,6 +217,28 @@ def test_an_xml_file_holds_every_band_with_its_own_light(traced, xml):
     # Rings of so coarse a tree are wide; the colour within one hardly changes.
     assert tau == pytest.approx(np.array(exact), rel=0.05)
     assert tau / tau[1] == pytest.approx(np.array(exact) / exact[1], rel=0.01)
+
+
+def test_trees_hold_the_chromaticity_of_their_leaves():
+    ones = "{ 1 } " * 7
+    x, y, z = (TensorTree.from_text(f"{{ {ones}{{ {v} }} }}", 3) for v in (2, 4, 0))
+    u, v = chroma_trees(x, y, z)
+    assert u.values[0] == pytest.approx(4 / 19) and v.values[0] == pytest.approx(9 / 19)
+    assert u.values[-1] == pytest.approx(8 / 62) and v.values[-1] == pytest.approx(36 / 62)
+    dark = replace(y, values=np.zeros_like(y.values))
+    assert chroma_trees(x, dark, z)[0].values == pytest.approx(4 / 19)
+
+
+def test_conversion_keeps_the_bands_and_makes_chromaticities_again_for_trees_alone(xml):
+    model = bsdf.read(xml.path)
+    matrices = bsdf.convert(model, basis="klems-quarter")
+    assert matrices.bands == CIE_BANDS
+    tau = [bsdf.read(xml.path, band=b).direct_hemispherical("transmission_front", 0.0) for b in CIE_BANDS]
+    for band, value in zip(CIE_BANDS, tau):
+        one = replace(matrices, parts=matrices.all_bands[band], band=band)
+        assert one.direct_hemispherical("transmission_front", 0.0) == pytest.approx(value, rel=0.05)
+    same = bsdf.convert(model, flip=True)
+    assert set(same.bands) == {*CIE_BANDS, "CIE-u", "CIE-v"}
 
 
 def test_radiance_sees_the_colour_that_the_file_holds(xml, tmp_path):

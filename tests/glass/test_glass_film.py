@@ -17,6 +17,7 @@ from specularia.glass import (
     film_spread,
     flat_slab_with_films,
     model,
+    peer,
     read_slab,
     trace,
 )
@@ -253,3 +254,5 @@ def test_the_command_reports_the_spread_and_colour_refuses_films(tmp_path, comma
     assert (tmp_path / "film.png").is_file() and (tmp_path / "film.csv").is_file()
     with pytest.raises(PhysicsError, match="glass film"):
         model(slab, colour="D65", paths=320)
+    with pytest.raises(PhysicsError, match="films"), peer.scene(slab, array_mm=2.0):
+        pass

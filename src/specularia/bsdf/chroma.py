@@ -8,6 +8,7 @@ Of matrices Radiance takes the bands CIE-X, Visible and CIE-Z; of trees it takes
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -15,12 +16,30 @@ from numpy.typing import NDArray
 
 from specularia.bsdf.model import Array
 from specularia.bsdf.tensor_tree import BRANCH, TensorTree
+from specularia.bsdf.xml_model import Part, TreePart
 
-__all__ = ["chroma_trees"]
+__all__ = ["XYZ", "chroma_bands", "chroma_trees"]
+
+XYZ = ("CIE-X", "Visible", "CIE-Z")
 
 _POINTS = {3: 4, 4: 2}
 """Points along each edge of a leaf of Visible at which the two other trees are looked up, by rank."""
 _AT_ONCE = 1 << 16
+
+
+def chroma_bands(bands: Mapping[str, Mapping[str, Part]]) -> dict[str, dict[str, Part]]:
+    """The bands CIE-u and CIE-v of trees in X, Y and Z; none without these, and none of matrices."""
+    if not set(XYZ) <= set(bands):
+        return {}
+    out: dict[str, dict[str, Part]] = {"CIE-u": {}, "CIE-v": {}}
+    for side in bands["Visible"]:
+        parts = [bands[b].get(side) for b in XYZ]
+        trees = [part.tree for part in parts if isinstance(part, TreePart)]
+        if len(trees) < len(XYZ):
+            return {}
+        for name, tree in zip(out, chroma_trees(*trees)):
+            out[name][side] = TreePart(tree)
+    return out
 
 
 def chroma_trees(x: TensorTree, y: TensorTree, z: TensorTree) -> tuple[TensorTree, TensorTree]:

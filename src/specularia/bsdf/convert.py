@@ -16,8 +16,10 @@ from specularia import progress
 from specularia.bsdf.build_rank4 import build_tensor4
 from specularia.bsdf.build_tree import _assemble, bin_edges, build, reduce_cells
 from specularia.bsdf.cells import is_isotropic
+from specularia.bsdf.chroma import XYZ, chroma_bands
 from specularia.bsdf.klems import BASES, KlemsBasis
 from specularia.bsdf.model import ScatteringModel
+from specularia.bsdf.tabulated import TabulatedModel
 from specularia.bsdf.tensor_tree import TensorTree
 from specularia.bsdf.to_klems import klems_part, matrix_between
 from specularia.bsdf.turn_over import flipped_part
@@ -51,7 +53,7 @@ def convert(
 
     Parameters
     ----------
-    model : any scattering model. All bands of a model from XML are converted.
+    model : any scattering model. All its bands are converted.
     basis : klems-full, klems-half, klems-quarter, tensor3 or tensor4; None keeps the one that a model from
         XML has, and takes tensor3 for any other model.
     resolution : g of a tree, 2^g cells along an edge; 3 to 9 for tensor3 (6 unless given), 2 to 7 for tensor4
@@ -74,13 +76,22 @@ def convert(
         raise PhysicsError(f"no basis {basis!r}; there are {', '.join(KLEMS)}, tensor3 and tensor4.")
     settings = {"basis": basis, "resolution": resolution, "cull": cull}
     moves = {"flip": flip, "rotate_deg": rotate_deg, "isotropic": isotropic}
-    if not isinstance(model, XmlModel):
+    each: dict[str, ScatteringModel]
+    if isinstance(model, XmlModel):
+        every = {**model.all_bands, model.band: model.parts}
+        if set(XYZ) <= set(every):
+            # Chromaticities are no BSDF; they are made again from X, Y and Z.
+            every = {b: parts for b, parts in every.items() if b not in ("CIE-u", "CIE-v")}
+        each = {b: replace(model, parts=parts, band=b, all_bands={}) for b, parts in every.items()}
+    elif isinstance(model, TabulatedModel) and model.more:
+        each = {b: model.in_band(b) for b in model.bands}
+    else:
         return _convert(model, **settings, **moves)  # type: ignore[arg-type]
-    bands = {
-        band: _convert(replace(model, parts=parts, band=band, all_bands={}), **settings, **moves)  # type: ignore[arg-type]
-        for band, parts in {**model.all_bands, model.band: model.parts}.items()
-    }
-    geometry = model.geometry
+    bands = {b: _convert(one, **settings, **moves) for b, one in each.items()}  # type: ignore[arg-type]
+    first = next(iter(bands)) if model.band not in bands else model.band
+    all_bands = {b: m.parts for b, m in bands.items()}
+    all_bands |= chroma_bands(all_bands)
+    geometry = getattr(model, "geometry", "")
     if geometry and (flip or rotate_deg):
         geometry = ""
         warnings.warn(
@@ -88,12 +99,7 @@ def convert(
             SpeculariaWarning,
             stacklevel=2,
         )
-    return replace(
-        bands[model.band],
-        bands=tuple(bands),
-        all_bands={b: m.parts for b, m in bands.items()},
-        geometry=geometry,
-    )
+    return replace(bands[first], bands=tuple(all_bands), all_bands=all_bands, geometry=geometry)
 
 
 def _convert(

@@ -15,7 +15,7 @@ from specularia.bsdf import xml_write
 from specularia.bsdf.azimuth import azimuth_loss
 from specularia.bsdf.build_rank4 import build_tensor4
 from specularia.bsdf.build_tree import Built, build_sides
-from specularia.bsdf.chroma import chroma_trees
+from specularia.bsdf.chroma import chroma_bands
 from specularia.bsdf.model import Array, ScatteringModel
 from specularia.bsdf.tabulated import TabulatedModel
 from specularia.bsdf.tabulated_io import read_model, write_model
@@ -141,7 +141,7 @@ def write(
             assert isinstance(model, TabulatedModel)
             found = {b: _build_all(model.in_band(b), path, **how) for b in others}  # type: ignore[arg-type]
             more = {b: {s: TreePart(t.tree) for s, t in sides.items()} for b, sides in found.items()}
-            more |= _chroma({**more, model.band: parts})
+            more |= chroma_bands({**more, model.band: parts})
             order = sorted({*more, model.band}, key=lambda b: "CIE-Y" if b == "Visible" else b)
             more = {b: more.get(b, parts) for b in order}
     origins = {s: _origin(model, s) for s in parts}
@@ -190,19 +190,6 @@ def _build_all(
                     stacklevel=3,
                 )
     return {s: trees[s] for s in model.sides}
-
-
-def _chroma(bands: Mapping[str, Mapping[str, Part]]) -> dict[str, dict[str, Part]]:
-    """The bands CIE-u and CIE-v, by which Radiance knows the colour of trees; none without X, Y and Z."""
-    if not {"CIE-X", "Visible", "CIE-Z"} <= set(bands):
-        return {}
-    out: dict[str, dict[str, Part]] = {"CIE-u": {}, "CIE-v": {}}
-    for side in bands["Visible"]:
-        parts = [bands[b][side] for b in ("CIE-X", "Visible", "CIE-Z")]
-        trees = [part.tree for part in parts if isinstance(part, TreePart)]
-        for name, tree in zip(out, chroma_trees(*trees)):
-            out[name][side] = TreePart(tree)
-    return out
 
 
 def _built(

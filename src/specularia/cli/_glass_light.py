@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from specularia.glass import Slab
     from specularia.glass.model import Traced
 
-__all__ = ["colour_of_model", "colour_of_pane", "colours", "film"]
+__all__ = ["colour_of_model", "colour_of_pane", "colours", "film", "wave"]
 
 
 def colours(
@@ -234,3 +234,172 @@ def film(
             payload["written"] = [str(p.resolve()) for p in written]
             lines += [f"written: {p}" for p in written]
         emit(payload, as_json=as_json, lines=lines)
+
+
+def wave(
+    glass: Annotated[
+        Path | None,
+        typer.Argument(metavar="[GLASS.toml]", help="The pane; may be left out with --sizes alone."),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="OUT.npz: edges, dsf, dsf_se, and rays where they are compared."),
+    ] = None,
+    theta: Annotated[
+        float, typer.Option("--theta", min=0.0, max=89.9, help="Incident angle in degrees.")
+    ] = 0.0,
+    phi: Annotated[
+        float, typer.Option("--phi", min=-360.0, max=360.0, help="Incident azimuth in degrees.")
+    ] = 0.0,
+    wavelength: Annotated[
+        str, typer.Option("--wavelength", help="In nm: one, or A,B,... of equal weight.")
+    ] = "520",
+    cells: Annotated[int, typer.Option("--cells", min=8, max=1024, help="Along ux and uy, over -1..1.")] = 64,
+    members: Annotated[
+        int,
+        typer.Option("--members", min=1, help="Windows at other places, where the pane has no short period."),
+    ] = 4,
+    window: Annotated[float, typer.Option("--window", min=1.0, help="Size of the window in um.")] = 1000.0,
+    pitch: Annotated[
+        float | None, typer.Option("--pitch", min=1e-3, help="Of the wave in um (half a wavelength).")
+    ] = None,
+    compare: Annotated[bool, typer.Option("--compare", help="Trace the pane too, and compare.")] = False,
+    paths: Annotated[int, typer.Option("--paths", min=1, help="Of the rays in a comparison.")] = 400_000,
+    sizes: Annotated[
+        str | None,
+        typer.Option(
+            "--sizes", help="Lateral sizes in um, A,B,...: compare both on faces of synthetic caps of each."
+        ),
+    ] = None,
+    edge_slope: Annotated[
+        float, typer.Option("--edge-slope", min=0.01, max=2.0, help="With --sizes: at the rim of the caps.")
+    ] = 0.6,
+    seed: Seed = 0,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """The transmitted distribution by scalar diffraction: an independent model, as referee of the rays.
+
+    It states from which lateral size on rays and waves agree, and how far they are apart on a pane.
+    """
+    if glass is None and sizes is None:
+        raise typer.BadParameter("name a GLASS.toml, or ask for --sizes", param_hint="GLASS.toml")
+    if output is not None and (output.suffix.lower() != ".npz" or glass is None):
+        raise typer.BadParameter("the distribution of a pane is written as .npz", param_hint="-o")
+    wavelengths = numbers(wavelength, option="--wavelength")
+    if not all(50.0 <= w <= 1e5 for w in wavelengths):
+        raise typer.BadParameter("wavelengths in nm are wanted", param_hint="--wavelength")
+    steps = None if sizes is None else sorted(numbers(sizes, option="--sizes"))
+    with session(quiet=quiet):
+        from specularia.files import writable
+
+        if output is not None:
+            writable(output)
+        payload: dict[str, Any] = {}
+        lines: list[str] = []
+        if glass is not None:
+            told, rows = _waves_of_pane(
+                glass,
+                output,
+                compare=compare,
+                settings={
+                    "theta_deg": theta,
+                    "phi_deg": phi,
+                    "wavelengths_nm": wavelengths,
+                    "members": members,
+                    "window_um": window,
+                    "pitch_um": pitch,
+                    "seed": seed,
+                },
+                cells=cells,
+                paths=paths,
+            )
+            payload |= told
+            lines += rows
+        if steps is not None:
+            from specularia.glass import size_agreement
+
+            found = size_agreement(
+                steps, edge_slope=edge_slope, wavelength_nm=wavelengths[0], cell=2.0 / cells, seed=seed
+            )
+            limit = found.agree_above_um()
+            payload["sizes"] = {
+                "size_um": found.size_um,
+                "l1": found.l1,
+                "noise": found.noise,
+                "cell": found.cell,
+                "edge_slope": edge_slope,
+                "wavelength_nm": found.wavelength_nm,
+                "faces": "caps of spheres, synthetic",
+                "agree_within_5_percent_above_um": limit if limit < float("inf") else None,
+            }
+            rows_of = [
+                [float(a), float(b), float(c)] for a, b, c in zip(found.size_um, found.l1, found.noise)
+            ]
+            lines += [
+                "",
+                f"Rays and waves on synthetic caps, rim slope {edge_slope:g}, cells {found.cell:.3g}:",
+            ]
+            lines += table(["size um", "L1", "its noise"], rows_of)
+            verdict = f"from {limit:g} um on" if limit < float("inf") else "at none of these sizes"
+            lines.append(f"L1 <= 5 %: {verdict}")
+        emit(payload, as_json=as_json, lines=lines)
+
+
+def _waves_of_pane(
+    glass: Path,
+    output: Path | None,
+    *,
+    compare: bool,
+    settings: dict[str, Any],
+    cells: int,
+    paths: int,
+) -> tuple[dict[str, Any], list[str]]:
+    """The far field of a pane, compared with rays where that is asked for, and written."""
+    from specularia.glass import agreement, read_slab
+    from specularia.glass import wave as far_field
+    from specularia.report.style import write_npz
+
+    slab = read_slab(glass, seed=settings["seed"])
+    far = far_field(slab, cells=cells, **settings)
+    payload: dict[str, Any] = {
+        "theta_deg": settings["theta_deg"],
+        "phi_deg": settings["phi_deg"],
+        "wavelength_nm": far.wavelength_nm,
+        "specular": far.specular,
+        "evanescent": far.evanescent,
+        "members": far.members,
+        "pitch_um": list(far.pitch_um),
+        "window_um": list(far.window_um),
+        "soft_edges": far.tapered,
+        "synthetic": slab.synthetic,
+    }
+    lines = [
+        f"undeflected order {far.specular:.4g}, does not leave {far.evanescent:.3g}",
+        f"window {far.window_um[0]:.4g} x {far.window_um[1]:.4g} um at {far.pitch_um[0]:.3g} um, "
+        + (f"{far.members} places, soft edges" if far.tapered else "a whole number of periods"),
+    ]
+    arrays = {"edges": far.edges, "dsf": far.dsf, "dsf_se": far.dsf_se}
+    if compare:
+        found = agreement(slab, cell=2.0 / cells, paths=paths, **settings)
+        payload["rays"] = {
+            "l1": found.l1,
+            "noise": found.noise,
+            "cell": found.cell,
+            "half_width": found.half_width,
+            "beyond_waves": found.beyond[0],
+            "beyond_rays": found.beyond[1],
+            "reflected_inside": found.reflected_inside,
+        }
+        lines.append(f"rays: L1 {found.l1:.3g} (noise {found.noise:.2g}) in cells of {found.cell:.3g}")
+        arrays |= {
+            "compared_edges": found.far_field.edges,
+            "compared_dsf": found.far_field.dsf,
+            "rays": found.rays,
+            "rays_se": found.rays_se,
+        }
+    if output is not None:
+        write_npz(output, arrays)
+        payload["written"] = [str(output.resolve())]
+        lines.append(f"written: {output}")
+    return payload, lines

@@ -24,6 +24,7 @@ app = typer.Typer(no_args_is_help=True, help="The pane as a slab between two rel
 
 app.command("colours")(_glass_light.colours)
 app.command("film")(_glass_light.film)
+app.command("wave")(_glass_light.wave)
 
 Glass = Annotated[
     Path, typer.Argument(metavar="GLASS.toml", help="The pane: faces, medium, bubbles.", show_default=False)

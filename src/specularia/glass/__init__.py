@@ -1,6 +1,7 @@
 """The pane as a slab between two reliefs: faces, medium, bubbles, and the tracer (Model C)."""
 
 from specularia.glass import closed_form
+from specularia.glass.agreement import Agreement, SizeAgreement, agreement, caps, size_agreement
 from specularia.glass.bubble_files import read_bubbles, write_bubbles
 from specularia.glass.bubbles import BubbleKind, Bubbles, Inside, sample_bubbles
 from specularia.glass.colour import Colouring, colouring
@@ -22,38 +23,48 @@ from specularia.glass.thin_film import (
     flat_slab_with_films,
 )
 from specularia.glass.trace import EnergyBalance, Paths, trace, trace_paths
+from specularia.glass.wave import FarField, Orders, orders, wave
 
 __all__ = [
     "GLASSES",
+    "Agreement",
     "Amplitudes",
     "BubbleKind",
     "Bubbles",
     "Colouring",
     "EnergyBalance",
     "Face",
+    "FarField",
     "Film",
     "FilmSpread",
     "Inside",
     "IronManganese",
     "Medium",
+    "Orders",
     "Patch",
     "Paths",
+    "SizeAgreement",
     "Slab",
     "Spectrum",
     "Swatches",
+    "agreement",
     "amplitudes",
+    "caps",
     "closed_form",
     "colouring",
     "film_spread",
     "flat_slab_with_films",
     "model",
+    "orders",
     "patches",
     "read_bubbles",
     "read_slab",
     "reweight",
     "sample_bubbles",
+    "size_agreement",
     "swatches",
     "trace",
     "trace_paths",
+    "wave",
     "write_bubbles",
 ]

@@ -20,8 +20,8 @@ __all__ = ["Agreement", "SizeAgreement", "agreement", "caps", "size_agreement"]
 
 Array = NDArray[np.float64]
 
-ACROSS = 40
-"""Cells over the width of the lobe of the rays."""
+CELL = 1.0 / 32.0
+"""Width of the cells in direction cosine: those of 64 x 64 over the hemisphere, 1.8 degrees."""
 
 INSIDE = 2.0
 """Ways in glass over the thickness above which a path was reflected inside."""
@@ -65,7 +65,7 @@ def agreement(
     phi_deg: float = 0.0,
     members: int = 4,
     paths: int = 400_000,
-    cell: float | None = None,
+    cell: float = CELL,
     seed: int = 0,
     pitch_um: float | None = None,
     window_um: float = 1000.0,
@@ -74,8 +74,8 @@ def agreement(
 
     Parameters
     ----------
-    cell : width of the cells in direction cosine; None takes a fortieth of the lobe of the rays. Speckle of
-        the waves has the width wavelength / window, so cells must be many times wider.
+    cell : width of the cells in direction cosine. Speckle of the waves has the width wavelength / window, so
+        cells must be many times wider.
     paths : of the rays.
     slab, wavelengths_nm, theta_deg, phi_deg, members, pitch_um, window_um, seed : see `wave`; rays take the
         index at the mean wavelength.
@@ -97,9 +97,8 @@ def agreement(
     centre = -float(sine * np.cos(turn)), -float(sine * np.sin(turn))
     x, y = traced.ux[straight] - centre[0], traced.uy[straight] - centre[1]
     reach = float(np.quantile(np.hypot(x, y), 0.99))
-    width = cell or max(2.0 * 1.25 * reach / ACROSS, 1e-3)
-    count = max(2 * int(np.ceil(1.25 * reach / width)), 2)
-    half = 0.5 * count * width
+    count = 2 * int(np.ceil(1.25 * reach / cell)) + 2
+    half = 0.5 * count * cell
     edges = np.linspace(-half, half, count + 1)
     part, weight = traced.replicate[straight], traced.weight[straight]
     total = np.bincount(part, weight, minlength=REPLICATES)
@@ -107,7 +106,7 @@ def agreement(
     for r in range(REPLICATES):
         mine = part == r
         light, _, _ = np.histogram2d(x[mine], y[mine], bins=(edges, edges), weights=weight[mine])
-        rays[r] = light / total[r] / width**2
+        rays[r] = light / total[r] / cell**2
     far = wave(
         slab,
         wavelengths_nm=wavelengths_nm,
@@ -147,7 +146,7 @@ def _compared(far: FarField, rays: Array, rays_se: Array, straight: float) -> Ag
 
 
 def caps(
-    size_um: float, *, edge_slope: float = 0.15, across: int = 12, samples: int = 40, seed: int = 0
+    size_um: float, *, edge_slope: float = 0.6, across: int = 12, samples: int = 40, seed: int = 0
 ) -> Face:
     """A synthetic face covered with pits that are caps of spheres, periodic.
 
@@ -208,12 +207,11 @@ class SizeAgreement:
 def size_agreement(
     sizes_um: Sequence[float],
     *,
-    edge_slope: float = 0.15,
+    edge_slope: float = 0.6,
     index: float = 1.52,
     wavelength_nm: float = 520.0,
-    cell: float = 0.008,
-    field_um: float = 600.0,
-    members: int = 6,
+    cell: float = CELL,
+    members: int = 4,
     paths: int = 200_000,
     seed: int = 0,
 ) -> SizeAgreement:
@@ -226,7 +224,6 @@ def size_agreement(
     ----------
     sizes_um : ascending.
     cell : of direction cosine, for all sizes.
-    field_um : least period of a face.
     members : faces for each size, with caps at other places; waves and rays are averaged over them.
     """
     sizes = np.asarray(sizes_um, float)
@@ -234,7 +231,8 @@ def size_agreement(
         raise PhysicsError("sizes of caps must be positive and ascend.")
     l1, noise = [], []
     for size in sizes:
-        across = int(np.ceil(field_um / size))
+        # Wide enough for many caps, and for many speckles to a cell.
+        across = int(np.ceil(float(np.clip(16.0 * size, 200.0, 800.0)) / size))
         samples = int(np.clip(2400 // across, 8, 40))
         each = [
             agreement(

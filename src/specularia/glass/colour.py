@@ -11,7 +11,7 @@ glass then has three equal bands, which is what Radiance, whose white has equal 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import TYPE_CHECKING, Final
@@ -107,12 +107,22 @@ class Colouring:
         left = np.exp(-way.reshape(-1, 1) * self.absorption_per_mm)
         return (self.weights @ left.T).reshape(3, *way.shape)
 
-    def quick_share(self, band: int, way_mm: Array) -> Array:
-        """`share` of one band from the table, right to 1e-5 of itself."""
-        found = np.exp(np.interp(way_mm, self.way_mm, self.log_share[band]))
+    def quick_share(self, way_mm: Array, bands: Sequence[int] = (0, 1, 2)) -> Array:
+        """[bands, N] `share` of some bands for ways [N] from the table, right to 1e-5 of itself."""
+        # The table's ways are 0 and then even in the logarithm, so that the place in it needs no search.
+        last = self.way_mm.size - 2
+        per = last / np.log(self.way_mm[-1] / self.way_mm[1])
+        place = 1.0 + per * np.log(np.maximum(way_mm, 1e-300) / self.way_mm[1])
+        k = np.clip(place, 0, last).astype(np.int64)
+        k[way_mm < self.way_mm[1]] = 0
+        part = np.minimum((way_mm - self.way_mm[k]) / (self.way_mm[k + 1] - self.way_mm[k]), 1.0)
+        found = np.empty((len(bands), way_mm.size))
+        for row, band in enumerate(bands):
+            table = self.log_share[band]
+            found[row] = np.exp(table[k] + part * (table[k + 1] - table[k]))
         far = way_mm > LONGEST_MM
         if far.any():
-            found[far] = self.share(way_mm[far])[band]
+            found[:, far] = self.share(way_mm[far])[list(bands)]
         return found
 
     def apply(self, paths: Paths, band: int, *, thickness_ratio: float = 1.0) -> Paths:
@@ -125,7 +135,7 @@ class Colouring:
         thickness_ratio : thickness wanted over the one that was traced. Ways grow with it, directions stay:
             exact for flat panes, and good while relief is thin against the pane.
         """
-        left = paths.weight * self.quick_share(band, thickness_ratio * paths.glass_length_mm)
+        left = paths.weight * self.quick_share(thickness_ratio * paths.glass_length_mm, (band,))[0]
         return replace(paths, weight=left, absorbed=paths.absorbed + (paths.weight - left))
 
 
@@ -138,7 +148,7 @@ def colouring(medium: Medium, *, illuminant: str = "D65") -> Colouring:
     """
     seen = viewing(illuminant)
     absorption = np.array([medium.absorption_at(float(w)) for w in WAVELENGTHS_NM])
-    way = np.concatenate([[0.0], np.geomspace(1e-3, LONGEST_MM, 4000)])
+    way = np.concatenate([[0.0], np.geomspace(1e-3, LONGEST_MM, 6000)])
     out = Colouring(illuminant, absorption, seen.weights, way, np.empty((3, 0)))
     return replace(out, log_share=np.log(np.maximum(out.share(way), 1e-300)))
 

@@ -104,6 +104,8 @@ def scene(
     ------
     PhysicsError : faces of different periods, bubbles, or maps too large for Radiance's mesh builder.
     """
+    if slab.front.film is not None or slab.back.film is not None:
+        raise PhysicsError("the published route knows no thin films; leave them out, or trace paths.")
     if slab.all_bubbles is not None and len(slab.all_bubbles):
         raise PhysicsError(
             "the Radiance route knows no bubbles, as the published model knew none; remove [[bubbles]]."

@@ -103,9 +103,9 @@ def swatches(
     for m, medium in enumerate(media.values()):
         how = colouring(medium, illuminant=illuminant)
         for t, d in enumerate(thickness):
-            for band in range(3):
-                left = weight * how.quick_share(band, d / slab.thickness_mm * way)
-                per_replicate[m, t, band] = np.bincount(replicate, left, minlength=REPLICATES) / each
+            for band, share in enumerate(how.quick_share(d / slab.thickness_mm * way)):
+                light = np.bincount(replicate, weight * share, minlength=REPLICATES)
+                per_replicate[m, t, band] = light / each
     xyz = per_replicate.mean(axis=-1)
     return Swatches(
         illuminant=f"CIE {illuminant}",

@@ -1,13 +1,16 @@
 """Scalar diffraction through a pane, as a referee of the rays: what rays leave out.
 
-Each face is a screen that retards the wave by (n cos(theta_t) - cos(theta)) k h, h its relief and theta the
-angle of incidence; between the screens the wave's angular spectrum crosses the glass,
+Each face is a screen that retards the wave by k h (n cos(theta_t) - cos(theta)), h its relief and theta the
+angle of incidence. To second order in the slopes theta_t belongs to the direction into which the place
+refracts, t + q with q = (n cos(theta_t) - cos(theta)) grad h, so that the light of a steep place is not bent
+too far (ours, from the eikonal in the plane of the screen). Between the screens the wave's angular spectrum
+crosses the glass,
 
     E(K) -> E(K) exp(i d sqrt(n^2 k^2 - K^2)),
 
 and its spectrum behind the second screen is the far field, K = k (ux, uy) (Goodman 2017, Introduction to
 Fourier Optics, 4th ed., sections 3.10 and 4). There are no reflections, no polarisation and no shadows, and
-slopes are taken to first order: a model for shallow relief of any lateral size, where rays are one for wide
+slopes must be small: a model for shallow relief of any lateral size, where rays are one for wide
 relief of any slope. It shares nothing with the tracer but the maps.
 """
 
@@ -106,6 +109,7 @@ def orders(
     pitch_um: float | None = None,
     window_um: float = 1000.0,
     offset_um: tuple[tuple[float, float], tuple[float, float]] = ((0.0, 0.0), (0.0, 0.0)),
+    order: int = 2,
 ) -> Orders:
     """The far field of one window of a pane, at one wavelength, for light on the front.
 
@@ -117,10 +121,12 @@ def orders(
     pitch_um : of the wave's samples, at most; None takes half a wavelength, so that all directions exist.
     window_um : where the faces have no common period up to 4 times as long, the light falls on a window of
         this size with soft edges (Hann); otherwise on a whole number of periods, and is exact for the
-    periodic pane. offset_um : by how much (x, y) the front and the back are moved under the window.
+        periodic pane.
+    offset_um : by how much (x, y) the front and the back are moved under the window.
+    order : of the screens in the slopes, 1 or 2; 1 is the plain screen (n - 1) k h.
     """
     grid = _grid(slab, wavelength_nm, pitch_um, window_um)
-    return _orders(slab, grid, wavelength_nm, theta_deg, phi_deg, offset_um)
+    return _orders(slab, grid, wavelength_nm, theta_deg, phi_deg, offset_um, order)
 
 
 def _grid(slab: Slab, wavelength_nm: float, pitch_um: float | None, window_um: float) -> _Grid:
@@ -163,6 +169,7 @@ def _orders(
     theta_deg: float,
     phi_deg: float,
     offset_um: tuple[tuple[float, float], tuple[float, float]],
+    order: int,
 ) -> Orders:
     from scipy import fft
 
@@ -180,13 +187,14 @@ def _orders(
     screens = []
     for face, sign in ((FRONT, 1.0), (BACK, -1.0)):
         outside = (slab.front, slab.back)[face].sealant_index or 1.0
-        step = np.sqrt(n * n - sine**2) - np.sqrt(outside**2 - sine**2)
-        relief = _relief(slab, face, grid, offset_um[face])
-        screens.append(np.exp((1j * sign * k * step) * relief).astype(np.complex64))
+        relief = sign * _relief(slab, face, grid, offset_um[face])
+        before, behind = (outside, n) if face == FRONT else (n, outside)
+        path = _path(relief, grid, tilt, before, behind, 1.0 if face == FRONT else -1.0, order)
+        screens.append(np.exp(1j * k * path).astype(np.complex64))
     taper = np.ones((1, 1))
     if grid.tapered:
         taper = np.outer(*(0.5 - 0.5 * np.cos(2.0 * np.pi * (np.arange(m) + 0.5) / m) for m in (ny, nx)))
-    field = (screens[0] * taper).astype(np.complex64)
+    field = np.array(np.broadcast_to(screens[0] * taper, grid.shape), np.complex64)
     incident = float(np.mean(taper**2)) * nx * ny
     spectrum = fft.fft2(field, overwrite_x=True)
     # The root is real for all that can leave into air.
@@ -211,6 +219,34 @@ def _orders(
     specular = float(sum(power[i, j] for i in near for j in near))
     ux, uy = np.broadcast_arrays(kx[None, :] / k, ky[:, None] / k)
     return Orders(ux, uy, power, specular)
+
+
+def _path(
+    relief: Array,
+    grid: _Grid,
+    tilt: tuple[float, float],
+    before: float,
+    behind: float,
+    sign: float,
+    order: int,
+) -> Array:
+    """Optical path in um that a screen adds: relief times the step of index times cosine across it.
+
+    `before` and `behind` are the indices in the order in which light meets them; relief counts out of the
+    glass, which lies behind where `sign` is 1 and before where it is -1.
+    """
+    if order not in (1, 2):
+        raise PhysicsError(f"screens of the wave model are of order 1 or 2, not {order}.")
+    across = tilt[0] ** 2 + tilt[1] ** 2
+    there, here = np.sqrt(before**2 - across), np.sqrt(behind**2 - across)
+    step = sign * (here - there)
+    if order == 1 or relief.size == 1:
+        return np.asarray(relief * step)
+    # Central differences; both edges of the window meet, or are dark.
+    gx = (np.roll(relief, -1, 1) - np.roll(relief, 1, 1)) / (2.0 * grid.pitch_um[0])
+    gy = (np.roll(relief, -1, 0) - np.roll(relief, 1, 0)) / (2.0 * grid.pitch_um[1])
+    bent = (tilt[0] + step * gx) ** 2 + (tilt[1] + step * gy) ** 2
+    return np.asarray(relief * sign * (np.sqrt(np.maximum(behind**2 - bent, 0.0)) - there))
 
 
 def _relief(slab: Slab, face: int, grid: _Grid, offset_um: tuple[float, float]) -> Array:
@@ -246,6 +282,7 @@ def wave(
     pitch_um: float | None = None,
     window_um: float = 1000.0,
     seed: int = 0,
+    order: int = 2,
 ) -> FarField:
     """The transmitted distribution of a pane by scalar diffraction; light on the front.
 
@@ -257,7 +294,7 @@ def wave(
     wavelengths_nm : one, or several of equal weight.
     cells, half_width, centre : n x n cells over centre +- half_width in ux and uy.
     members : windows at random places; where one window is the whole period of the pane there is one.
-    slab, theta_deg, phi_deg, pitch_um, window_um : see `orders`.
+    slab, theta_deg, phi_deg, pitch_um, window_um, order : see `orders`.
     seed : of the places.
 
     >>> found = wave(Slab(thickness_mm=1.0), window_um=100.0)
@@ -274,7 +311,7 @@ def wave(
     count = members if grid.tapered else 1
     for offset in _offsets(slab, count, rng):
         for wavelength in wavelengths_nm:
-            one = _orders(slab, grid, wavelength, theta_deg, phi_deg, offset)
+            one = _orders(slab, grid, wavelength, theta_deg, phi_deg, offset, order)
             leaves = one.ux**2 + one.uy**2 <= 1.0
             light, _, _ = np.histogram2d(
                 one.ux[leaves] - centre[0],
