@@ -69,6 +69,9 @@ _REACH: Final = 1.7
 """Standard deviations of the prior that the traced designs reach on either side; beyond, the polynomial is
 not trusted and the posterior is cut off."""
 
+_STAGES: Final = 2
+"""Designs one after the other: over all of the prior, then over what the first left possible."""
+
 _ALIKE: Final = 0.5
 """Discrepancies of two cells are alike by exp(-|difference of ln(deflection)| / this); between angles of
 incidence they are alike by `_ALIKE_ANGLES` of that. Chosen here."""
@@ -206,18 +209,22 @@ def infer(
         n: (p.median * np.exp(-_REACH * p.sigma), min(p.median * np.exp(_REACH * p.sigma), _HIGHEST[n]))
         for n, p in kept.items()
     }
-    emulator = emulate(
-        slab,
-        summaries,
-        ranges,
-        paths=paths,
-        seed=seed,
-        wavelength_nm=wavelength_nm,
-        aperture_deg=aperture_deg,
-    )
-    data = _Data(emulator, summaries, scale_error)
+    whole = ranges
     everything = np.ones(len(summaries), bool)
-    samples, discrepancy = _sample(emulator, data, kept, ranges, everything, seed)
+    for stage in range(_STAGES):
+        emulator = emulate(
+            slab,
+            summaries,
+            ranges,
+            paths=paths,
+            seed=seed,
+            wavelength_nm=wavelength_nm,
+            aperture_deg=aperture_deg,
+        )
+        data = _Data(emulator, summaries, scale_error)
+        samples, discrepancy = _sample(emulator, data, kept, ranges, everything, seed)
+        if stage < _STAGES - 1:
+            ranges = _closer(seek, samples, ranges)
     held = []
     if hold_out:
         for k in range(1, len(summaries) - 1):
@@ -225,7 +232,7 @@ def infer(
             others[k] = False
             held.append(_predicted(emulator, data, kept, ranges, others, k, summaries[k], seed))
     medians = {n: float(np.median(samples[:, i])) for i, n in enumerate(seek)}
-    at_edge, wide = _verdict(seek, samples, kept, ranges)
+    at_edge, wide = _verdict(seek, samples, kept, whole)
     return Inferred(
         names=seek,
         samples=samples,
@@ -239,6 +246,20 @@ def infer(
         emulator_error=np.quantile(emulator.error, [0.5, 0.9, 1.0]),
         synthetic=slab.synthetic or any(t.synthetic for t in chosen),
     )
+
+
+def _closer(
+    names: Sequence[str], samples: Array, ranges: Mapping[str, tuple[float, float]]
+) -> dict[str, tuple[float, float]]:
+    """Ranges around what a first, coarse polynomial left possible: its 99 % interval, and half as much on
+    either side."""
+    found = {}
+    for i, name in enumerate(names):
+        low, high = np.quantile(np.log(samples[:, i]), [0.005, 0.995])
+        more = 0.5 * (high - low) + 0.02
+        a, b = np.log(ranges[name])
+        found[name] = (float(np.exp(max(low - more, a))), float(np.exp(min(high + more, b))))
+    return found
 
 
 class _Data:
