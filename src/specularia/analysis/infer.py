@@ -84,6 +84,9 @@ _BRIGHT: Final = 0.01
 _DISCREPANCY: Final = 0.05
 """Scale of the half-normal prior of the discrepancy's standard deviation, relative."""
 
+_LEAST_DISCREPANCY: Final = 0.01
+"""The least that is believed of it: maps of one field are not known to tell more. Chosen here."""
+
 _WALKERS, _STEPS, _BURN = 48, 1500, 500
 
 
@@ -326,7 +329,7 @@ def _sample(
 
     def log_posterior(points: Array) -> Array:
         ln, s = points[:, :-1], np.exp(points[:, -1])
-        inside = np.all((ln >= low) & (ln <= high), axis=1) & (s > 1e-4) & (s < 0.5)
+        inside = np.all((ln >= low) & (ln <= high), axis=1) & (s > _LEAST_DISCREPANCY) & (s < 0.5)
         out = np.full(len(points), -np.inf)
         if inside.any():
             off = observed - emulator.log_light(np.exp(ln[inside]))[:, mine]
