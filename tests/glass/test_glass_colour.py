@@ -299,7 +299,7 @@ flat = true
 @pytest.mark.parametrize(
     ("medium", "trace", "word"),
     [
-        ('glass = "aqua"\nabsorption_per_mm = 0.1', "", "only one of"),
+        ('glass = "aqua"\nabsorption_per_mm = 0.1', "", "not both"),
         ('glass = "blue"', "", "aqua"),
         ("iron_manganese = { iron = 1.0 }", "", "fe2o3_percent"),
         ("iron_manganese = { ferrous = 1.5 }", "", "less than or equal to 1"),

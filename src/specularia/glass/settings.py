@@ -145,7 +145,7 @@ class MediumJob(Job):
     def _one_absorption(self) -> Self:
         ways = {"absorption_per_mm", "spectrum", "glass", "iron_manganese"} & self.model_fields_set
         if len(ways) > 1:
-            raise ValueError(f"only one of {' and '.join(sorted(ways))}")
+            raise ValueError(f"{' or '.join(sorted(ways))}, not both")
         return self
 
     @property
