@@ -254,12 +254,12 @@ def infer(
 def _closer(
     names: Sequence[str], samples: Array, ranges: Mapping[str, tuple[float, float]]
 ) -> dict[str, tuple[float, float]]:
-    """Ranges around what a first, coarse polynomial left possible: its 99 % interval, and half as much on
-    either side."""
+    """Ranges around what a first, coarse polynomial left possible: its 99 % interval, as much again on either
+    side, and a fifth at least."""
     found = {}
     for i, name in enumerate(names):
         low, high = np.quantile(np.log(samples[:, i]), [0.005, 0.995])
-        more = 0.5 * (high - low) + 0.02
+        more = max(high - low, 0.2)
         a, b = np.log(ranges[name])
         found[name] = (float(np.exp(max(low - more, a))), float(np.exp(min(high + more, b))))
     return found
@@ -283,10 +283,12 @@ class _Data:
             angle.append(np.full(light.size, k))
         self.log_light = np.concatenate(logs)
         self.angle = np.concatenate(angle)
-        self.own = np.concatenate(errors) ** 2 + emulator.error**2
+        self.own = np.concatenate(errors) ** 2 + emulator.noise**2
         ln = np.log(np.concatenate(middle))
         alike = np.exp(-np.abs(ln[:, None] - ln) / _ALIKE)
         alike *= np.where(self.angle[:, None] == self.angle, 1.0, _ALIKE_ANGLES)
+        # What the polynomial misses, it misses alike in neighbouring cells.
+        self.misfit = alike * emulator.misfit[:, None] * emulator.misfit
         # Few places of a map send light where there is little: a map knows dim cells less well.
         share = np.exp(self.log_light)
         share /= np.bincount(self.angle, share)[self.angle]
@@ -297,11 +299,12 @@ class _Data:
     def prepared(self, of: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], Array, Array]:
         """Cells of the angles chosen, and the basis in which all parts of the covariance are diagonal.
 
-        K = s^2 A + D, D = own errors and the common scale: with D = L L^T and L^-1 A L^-T = Q w Q^T, K^-1 is
-        T^T diag(1 / (1 + s^2 w)) T with T = Q^T L^-1, and ln |K| = ln |D| + sum ln(1 + s^2 w).
+        K = s^2 A + D, D = own errors, the polynomial's misfit and the common scale: with D = L L^T and
+        L^-1 A L^-T = Q w Q^T, K^-1 is T^T diag(1 / (1 + s^2 w)) T with T = Q^T L^-1, and
+        ln |K| = ln |D| + sum ln(1 + s^2 w).
         """
         mine = of[self.angle]
-        d = np.diag(self.own[mine]) + self.scale
+        d = np.diag(self.own[mine]) + self.scale + self.misfit[np.ix_(mine, mine)]
         lower = np.linalg.cholesky(d)
         half = np.linalg.solve(lower, self.alike[np.ix_(mine, mine)])
         w, q = np.linalg.eigh(np.linalg.solve(lower, half.T))

@@ -137,7 +137,8 @@ class Emulator:
     centre, scale : [P] so that (g(value) - centre) / scale runs over -1 to 1, see `_inner`.
     terms : [T] powers, tuples of parameter numbers; () is the constant.
     coefficients : [T, cells of all angles].
-    error : [cells of all angles] standard error of the logarithm, by tracing and by the polynomial.
+    noise : [cells of all angles] standard error of the logarithm by tracing.
+    misfit : [cells of all angles] rms distance of the traced logarithms from the polynomial.
     """
 
     names: tuple[str, ...]
@@ -146,7 +147,13 @@ class Emulator:
     scale: Array
     terms: tuple[tuple[int, ...], ...]
     coefficients: Array
-    error: Array
+    noise: Array
+    misfit: Array
+
+    @property
+    def error(self) -> Array:
+        """[cells of all angles] standard error of the logarithm by both."""
+        return np.hypot(self.noise, self.misfit)
 
     def log_light(self, values: Array) -> Array:
         """[..., cells] for values [..., P]."""
@@ -224,7 +231,7 @@ def emulate(
         if degree < 3 or (len(set(t)) == 1 and t[0] in quick)
     )  # fmt: skip
     matrix = np.stack([np.prod(z[:, list(t)], axis=1) if t else np.ones(len(z)) for t in terms], axis=1)
-    cells, coefficients, errors = [], [], []
+    cells, coefficients, noises, misfits = [], [], [], []
     for k, summary in enumerate(summaries):
         stack = np.array(light[k])
         mean = stack.mean(axis=1)
@@ -237,9 +244,17 @@ def emulate(
         middle = 0.5 * (_RINGS_DEG[:-1] + _RINGS_DEG[1:])
         cells.append(Cells(summary.table.polar_deg, used, middle[used // _SECTORS]))
         coefficients.append(fit)
-        errors.append(np.hypot(off, np.median(noise, axis=0)))
+        noises.append(np.median(noise, axis=0))
+        misfits.append(off)
     return Emulator(
-        names, tuple(cells), centre, scale, terms, np.hstack(coefficients), np.concatenate(errors)
+        names,
+        tuple(cells),
+        centre,
+        scale,
+        terms,
+        np.hstack(coefficients),
+        np.concatenate(noises),
+        np.concatenate(misfits),
     )
 
 
