@@ -16,6 +16,8 @@ from specularia import bsdf, daylight
 from specularia.daylight.colour import RGB_TO_XYZ, chromaticity, colour_temperature, shown, to_rgb, to_xyz
 from specularia.daylight.fragment_job import FragmentJob
 from specularia.errors import CoverageError, SpeculariaWarning
+from specularia.glass import Face, Slab
+from specularia.glass import model as trace_model
 from specularia.radiance import run
 from specularia.report import figures
 from specularia.report.figures.colour import screen
@@ -94,6 +96,25 @@ def test_a_grey_model_of_three_bands_lights_the_room_as_one_of_one_band(tmp_path
     assert q.xyz is not None and p.xyz is None
     assert q.xyz == pytest.approx(np.repeat(p.luminance[..., None], 3, axis=2), rel=1e-5)
     assert grey.panes[0].luminance_cd_m2 == one.panes[0].luminance_cd_m2
+
+
+def test_a_traced_model_with_cie_bands_lights_the_room_in_their_colours(tmp_path: Path) -> None:
+    """As `glass trace --colour` writes it: all bands in one .nc, X and Z here known shares of Y."""
+    one = trace_model(
+        Slab(3.0, back=Face.flat(micro_slope=0.2)), paths=3200, theta_deg=(0, 30, 60, 80), seed=1
+    )
+    more = {
+        f"CIE-{band}": {
+            side: replace(t, base=f * t.base, patch=f * t.patch, tau=f * t.tau, tau_se=f * t.tau_se)
+            for side, t in one.tables.items()
+        }
+        for band, f in (("X", 0.9), ("Z", 0.4))
+    }
+    bsdf.write(replace(one, band="Visible", more=more), tmp_path / "amber.nc")
+    job = room(sky=SKY, sensor=PLACES[:2])
+    lit = daylight.run(job, models={"amber": tmp_path / "amber.nc"}, quality=QUICK)
+    for point in lit.points:
+        assert point.chromaticity_xy == pytest.approx((0.9 / 2.3, 1.0 / 2.3), abs=2e-3)
 
 
 def test_in_a_black_room_tristimulus_values_are_those_of_the_pane(tmp_path: Path) -> None:

@@ -189,8 +189,11 @@ def trace(
         wanted = illuminant if colour else slab.colour
         tiling = _tiling(slab)
         if method is Method.RADIANCE:
-            if colour:
-                raise typer.BadParameter("--method radiance knows no colour", param_hint="--colour")
+            if wanted is not None:
+                raise typer.BadParameter(
+                    "--method radiance knows no colour; leave out --colour, and colour in [trace]",
+                    param_hint="--colour",
+                )
             _radiance(
                 slab,
                 outputs,

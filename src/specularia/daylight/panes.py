@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from specularia.bsdf import ScatteringModel, XmlModel
+from specularia.bsdf import ScatteringModel, TabulatedModel, XmlModel
 from specularia.daylight.colour import Coloured, UvBand, to_rgb
 from specularia.daylight.emission import EmissionMap, back_reflectance, sun_map
 from specularia.daylight.geometry import Box, Pane, Rectangle
@@ -132,6 +132,8 @@ def named_glazing(
 
 def _other_bands(model: ScatteringModel) -> tuple[ScatteringModel, ScatteringModel] | None:
     """The models of CIE-X and CIE-Z in the file of a model of Y, or None where it has no colour."""
+    if isinstance(model, TabulatedModel) and {"CIE-X", "CIE-Z"} <= set(model.bands):
+        return model.in_band("CIE-X"), model.in_band("CIE-Z")
     if not isinstance(model, XmlModel) or model.band not in ("Visible", "CIE-Y"):
         return None
     for names in (("CIE-X", "CIE-Z"), ("CIE-u", "CIE-v")):
