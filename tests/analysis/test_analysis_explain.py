@@ -17,6 +17,7 @@ from specularia.glass import BubbleKind, Face, Medium, Patch, Slab, closed_form,
 from specularia.gonio import Table
 
 THETA = (0.0, 60.0)
+APERTURE = 1.5
 
 
 def relief() -> np.ndarray:
@@ -45,7 +46,13 @@ def tables(slab: Slab, paths: int = 200_000) -> list[Table]:
         rng = np.random.default_rng(k)
         directions = photometer.scan(theta, base=8_000, middle=8_000, peak=8_000, rng=rng)
         clean = photometer.measure(
-            slab, theta_deg=theta, directions=directions, paths=paths, seed=77 + k, synthetic=True
+            slab,
+            theta_deg=theta,
+            directions=directions,
+            paths=paths,
+            seed=77 + k,
+            synthetic=True,
+            aperture_deg=APERTURE,
         )
         found.append(photometer.recorded(clean, relative_noise=0.01, floor=1e-5, shadow=False, rng=rng))
     return found
@@ -59,7 +66,12 @@ def measured() -> list[Table]:
 @pytest.fixture(scope="module")
 def budget(measured: list[Table]) -> analysis.Budget:
     return analysis.explain(
-        pane(), measured, paths=64_000, seed=3, unsure={"absorption": 0.1, "micro-relief": 0.2}
+        pane(),
+        measured,
+        paths=64_000,
+        seed=3,
+        unsure={"absorption": 0.1, "micro-relief": 0.2},
+        aperture_deg=APERTURE,
     )
 
 
@@ -85,7 +97,7 @@ def test_absorption_and_polarisation_change_a_flat_pane_as_in_closed_form() -> N
     lit = tables(replace(flat, front=Face.flat(micro_slope=0.02)), paths=20_000)
     order = ("endless", "polarisation", "absorption")
     # The tree would take the mean over a bin of incidence; without it the angles are exact.
-    found = analysis.explain(flat, lit, order=("tree", *order), paths=256_000)
+    found = analysis.explain(flat, lit, order=("tree", *order), paths=256_000, aperture_deg=APERTURE)
     for name, kwargs in (
         ("endless", {"polarised": False}),
         ("polarisation", {}),
@@ -120,7 +132,11 @@ def test_the_two_largest_steps_are_taken_in_the_other_order_too(budget: analysis
 def test_a_step_for_which_the_pane_holds_nothing_changes_nothing(measured: list[Table]) -> None:
     bare = Slab(3.0, front=Face(relief(), 1.5, 1.5))
     found = analysis.explain(
-        bare, measured[:1], paths=6400, order=("endless", "absorption", "bubbles", "micro-relief")
+        bare,
+        measured[:1],
+        paths=6400,
+        order=("endless", "absorption", "bubbles", "micro-relief"),
+        aperture_deg=APERTURE,
     )
     assert [s.present for s in found.steps] == [True, False, False, False]
     for s in found.steps[1:]:
@@ -164,7 +180,7 @@ def test_wrong_steps_and_panes_are_refused(measured: list[Table]) -> None:
     with pytest.raises(PhysicsError, match="relative error"):
         analysis.explain(pane(), measured, unsure={"endless": 0.1})
     with pytest.raises(PhysicsError, match="goes on for ever"):
-        analysis.explain(replace(pane(), patch=Patch(8.0, "clear")), measured)
+        analysis.explain(Slab(3.0, patch=Patch(8.0, "clear")), measured)
     with pytest.raises(CoverageError, match="no table"):
         analysis.explain(pane(), [])
 
@@ -179,7 +195,7 @@ def test_the_command_writes_a_figure_and_its_numbers(
     )
     files = [gonio.write(t, tmp_path / f"{k}.dat") for k, t in enumerate(measured)]
     words = ["explain", str(tmp_path / "glass.toml"), *map(str, files), "-o", str(tmp_path / "out")]
-    few = ["--order", "endless,absorption", "--paths", "3200", "--json", "-q"]
+    few = ["--order", "endless,absorption", "--paths", "3200", "--aperture-deg", "1.5", "--json", "-q"]
     assert main([*words, *few]) == 0
     found = json.loads(capsys.readouterr().out)
     assert [s["name"] for s in found["steps"]] == ["endless", "absorption"]

@@ -109,7 +109,7 @@ def _ticks(axis: Any, low: float, high: float) -> None:
     inside = [v for v in steps if low <= v <= high]
     if len(inside) < 2:
         digits = 1 - int(np.floor(np.log10(high - low)))
-        inside = sorted({round(v, digits) for v in np.linspace(low, high, 5)[1:-1]})
+        inside = sorted({round(v, digits) for v in np.linspace(low, high, 4)[1:-1]})
     if len(inside) > 3:
         inside = inside[:: (len(inside) + 2) // 3]
     axis.set_major_locator(FixedLocator(inside))
