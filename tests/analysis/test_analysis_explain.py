@@ -177,6 +177,8 @@ def test_a_lobe_of_known_width_has_that_width_and_background() -> None:
 def test_wrong_steps_and_panes_are_refused(measured: list[Table]) -> None:
     with pytest.raises(PhysicsError, match="steps are"):
         analysis.explain(pane(), measured, order=("endless", "endless"))
+    with pytest.raises(PhysicsError, match="after the step endless"):
+        analysis.explain(pane(), measured, order=("bubbles", "endless"))
     with pytest.raises(PhysicsError, match="relative error"):
         analysis.explain(pane(), measured, unsure={"endless": 0.1})
     with pytest.raises(PhysicsError, match="goes on for ever"):

@@ -225,6 +225,11 @@ def _check(slab: Slab, order: Sequence[str], unsure: Mapping[str, float]) -> Non
         raise PhysicsError(
             f"a relative error of {', '.join(_POWER)} is a number from 0 to 10, not of {', '.join(odd)}."
         )
+    cut = "bubbles" in order and "endless" not in order[: order.index("bubbles")]
+    if cut and (slab.bubble_kinds or slab.bubbles is not None):
+        raise PhysicsError(
+            "bubbles come after the step endless: the sides of the published patch would cut them."
+        )
     if slab.patch is not None:
         raise PhysicsError("the pane goes on for ever in the end; leave [patch] out of its description.")
 
@@ -234,8 +239,17 @@ def _swapped(states: _States, steps: Sequence[Step], unsure: Mapping[str, float]
     if len(steps) < 2:
         return ()
     size = [float(np.abs(s.effect[:, 0]).mean()) for s in steps]
-    i, j = sorted(np.argsort(size)[-2:])
     names = [s.name for s in steps]
+    # Bubbles cannot come before the pane is endless: a patch's sides would cut them.
+    possible = [
+        (i, j)
+        for j in range(len(steps))
+        for i in range(j)
+        if not (names[j] == "bubbles" and steps[j].present and "endless" in names[i:j])
+    ]
+    if not possible:
+        return ()
+    i, j = max(possible, key=lambda pair: size[pair[0]] + size[pair[1]])
     early = states.step(names[j], tuple(names[:i]), unsure.get(names[j], 0.0))
     without = tuple(n for n in names[: j + 1] if n != names[i])
     late = states.step(names[i], without, unsure.get(names[i], 0.0))
