@@ -37,9 +37,9 @@ def hybrid(measured: TabulatedModel, traced: TabulatedModel) -> TabulatedModel:
 
     Parameters
     ----------
-    measured : Model M, isotropic.
-    traced : a traced model of the same pane in the same band, such as that of an inferred glass, isotropic,
-        to larger angles of incidence.
+    measured : Model M of a sample that may be turned about its normal.
+    traced : a model traced through the same pane under the turned beam, in the same band, such as that of an
+        inferred glass; to larger angles of incidence.
 
     Returns
     -------
