@@ -106,6 +106,9 @@ def dsf(
                 fontweight="bold",
             )
         _bar(figure, picture, axes, no_data=bool(np.isnan(panels[..., grid.solid_angle > 0]).any()))
+        # The layout counts these panels as round; the names beside them need room of their own.
+        layout: Any = figure.get_layout_engine()
+        layout.set(rect=(0.03, 0.0, 0.97, 1.0))
         return style.save(figure, path, synthetic=synthetic)
 
 
