@@ -373,6 +373,8 @@ def main() -> int:
     parser.add_argument("--parts", default=",".join(PARTS))
     parser.add_argument("-o", "--output", type=Path)
     given = parser.parse_args()
+    if unknown := sorted(set(given.parts.split(",")) - set(PARTS)):
+        parser.error(f"no part {', '.join(unknown)}; there are {', '.join(PARTS)}")
     if not (given.folder / "slab_tracer.py").is_file():
         print(f"no prototype in {given.folder}; nothing to compare with")
         return 0
