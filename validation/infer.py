@@ -1,6 +1,6 @@
 """Twenty synthetic panes whose glass is inferred from what instruments would have recorded of them.
 
-    python validation/infer.py [PANES]
+    python validation/infer.py [PANES [FIRST]]
 
 writes `infer.md` beside this file; about four minutes of one processor for each pane. The panes have another
 pixel pitch than the default's, bubbles of many sizes listed one by one, and heights that went through the
@@ -88,9 +88,10 @@ def tables(slab: Slab, number: int) -> list[Any]:
 def main() -> None:
     """Infer all panes and write the table."""
     panes = int(sys.argv[1]) if len(sys.argv) > 1 else 20
+    begin = int(sys.argv[2]) if len(sys.argv) > 2 else 0
     rows, inside, width = [], {n: 0 for n in SOUGHT}, {n: [] for n in SOUGHT}
     held = [0, 0]
-    for number in range(panes):
+    for number in range(begin, begin + panes):
         with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
             warnings.simplefilter("ignore", SpeculariaWarning)
             true, seen, truth = specimen(number, Path(folder))

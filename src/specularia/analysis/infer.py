@@ -84,7 +84,7 @@ _BRIGHT: Final = 0.01
 _DISCREPANCY: Final = 0.05
 """Scale of the half-normal prior of the discrepancy's standard deviation, relative."""
 
-_LEAST_DISCREPANCY: Final = 0.01
+_LEAST_DISCREPANCY: Final = 0.02
 """The least that is believed of it: maps of one field are not known to tell more. Chosen here."""
 
 _WALKERS, _STEPS, _BURN = 48, 1500, 500
