@@ -346,7 +346,9 @@ def _sample(
         return out
 
     rng = np.random.default_rng([seed, 5])
-    centre = np.append(np.clip(mean, low + 0.1 * (high - low), high - 0.1 * (high - low)), np.log(0.02))
+    centre = np.append(
+        np.clip(mean, low + 0.1 * (high - low), high - 0.1 * (high - low)), np.log(2.0 * _LEAST_DISCREPANCY)
+    )
     start = centre + rng.normal(0.0, 0.05, (_WALKERS, centre.size))
     start[:, :-1] = np.clip(start[:, :-1], low + 1e-3, high - 1e-3)
     sampler = emcee.EnsembleSampler(_WALKERS, centre.size, log_posterior, vectorize=True)
