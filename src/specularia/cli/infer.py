@@ -146,10 +146,8 @@ def infer(
     lines += [f"{a} and {b} are not told apart (correlation {c:+.2f})" for a, b, c in found.twins]
     known = f"{glass.name} says {found.thickness_mm:g} mm"
     lines.append(f"absorption and bubbles are known only times the thickness; {known}")
-    if any(n != "absorption_per_mm" for n in found.names):
-        lines.append(
-            "intervals of bubbles and fine relief are too narrow so far: see the docs, why the models differ"
-        )
+    if any(n.startswith("bubble") for n in found.names):
+        lines.append("do not rely on bubbles yet: their intervals are often too narrow and too low")
     for h in found.held_out:
         verdict = "inside" if h.low <= h.measured <= h.high else "outside"
         lines.append(
