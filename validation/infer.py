@@ -26,7 +26,8 @@ from specularia.twin import TwinSettings, make_face, microscope
 
 SOUGHT = ("absorption_per_mm", "bubbles_per_cm3", "micro_slope_front", "micro_slope_back")
 THETA = (0.0, 20.0, 40.0, 60.0)
-PATHS, TRUTH_PATHS = 40_000, 2_000_000
+PATHS, TRUTH_PATHS, LEAST_PATHS = 40_000, 8_000_000, 300
+APERTURE_DEG = 0.6
 
 
 def specimen(number: int, folder: Path) -> tuple[Slab, Slab, dict[str, float]]:
@@ -77,6 +78,8 @@ def tables(slab: Slab, number: int) -> list[Any]:
             theta_deg=theta,
             directions=directions,
             paths=TRUTH_PATHS,
+            least_paths=LEAST_PATHS,
+            aperture_deg=APERTURE_DEG,
             seed=1000 * number + k,
             synthetic=True,
         )
@@ -96,7 +99,13 @@ def main() -> None:
             warnings.simplefilter("ignore", SpeculariaWarning)
             true, seen, truth = specimen(number, Path(folder))
             found = analysis.infer(
-                seen, tables(true, number), seek=SOUGHT, hold_out=True, paths=PATHS, seed=number
+                seen,
+                tables(true, number),
+                seek=SOUGHT,
+                hold_out=True,
+                aperture_deg=APERTURE_DEG,
+                paths=PATHS,
+                seed=number,
             )
         cells = [str(number)]
         for name in SOUGHT:

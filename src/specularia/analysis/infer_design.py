@@ -50,6 +50,12 @@ _LEAST_SHARE: Final = 5e-4
 
 _SUB: Final = 8
 
+_FARTHEST_DEG: Final = 80.0
+"""Polar angle of exit up to which light is compared. Closer to the horizon instruments see little, and what a
+table has there is carried over from its outermost readings."""
+
+_LEAST_COSINE: Final = float(np.cos(np.radians(_FARTHEST_DEG)))
+
 
 @dataclass(frozen=True)
 class Cells:
@@ -83,8 +89,12 @@ _ALL: Final = (_RINGS_DEG.size - 1) * _SECTORS
 
 
 def light_in_cells(paths: Paths, theta_deg: float) -> Array:
-    """[R, cells] share of the light that arrived, which left into each cell, by replicate."""
-    through = paths.transmitted
+    """[R, cells] share of the light that arrived, which left into each cell, by replicate.
+
+    What leaves beyond `_FARTHEST_DEG`, or is deflected by more than the outermost ring, is in none.
+    """
+    through = paths.transmitted & (paths.ux**2 + paths.uy**2 < 1.0 - _LEAST_COSINE**2)
+    through &= deflection(paths.ux, paths.uy, theta_deg) < _RINGS_DEG[-1]
     cell = _cell(paths.ux[through], paths.uy[through], theta_deg)
     n = REPLICATES
     sums = np.bincount(paths.replicate[through] * _ALL + cell, paths.weight[through], n * _ALL)
@@ -108,7 +118,7 @@ def measured_light(found: Distribution, theta_deg: float, seed: int = 0) -> tupl
     ux = toward * np.cos(t) - along * np.sin(t)
     uz = toward * np.sin(t) + along * np.cos(t)
     uy = np.sin(d) * np.sin(psi) + 0.0 * ux
-    seen = uz > 0.0
+    seen = uz > _LEAST_COSINE
     weight = np.broadcast_to(area, ux.shape)[seen] * uz[seen]
     number = np.arange(_ALL).reshape(-1, _SECTORS)
     number[:_WHOLE_RINGS] = number[:_WHOLE_RINGS, :1]

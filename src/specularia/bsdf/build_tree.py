@@ -17,6 +17,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from specularia.bsdf.azimuth import turned_mean
 from specularia.bsdf.cells import cell_means, is_isotropic
 from specularia.bsdf.model import Array, ScatteringModel
 from specularia.bsdf.tabulated import TabulatedModel
@@ -121,7 +122,8 @@ def fill_cells(
     count = 4 if resolution <= 6 else 3 if resolution == 7 else 2
     azimuths = np.zeros(1) if is_isotropic(model) else np.arange(_AZIMUTHS) * (360.0 / _AZIMUTHS)
     cells = np.zeros((n // 2, n, n), np.float32)
-    if isinstance(model, TabulatedModel) and model.isotropic:
+    if isinstance(model, TabulatedModel):
+        model = turned_mean(model)
         if side not in model.tables and opposite is None:
             opposite, _ = fill_cells(model, other_face(side), resolution=resolution)
         return _fill_from_tables(TabulatedMeans(model, side, n=n), edges, cells, opposite)
@@ -471,6 +473,8 @@ def build_sides(
             removed=1.0 - _leaf_count(merged) / cells.size,
         )
 
+    if isinstance(model, TabulatedModel):
+        model = turned_mean(model)
     own = model.tables if isinstance(model, TabulatedModel) else sides
     filled: dict[str, NDArray[np.float32]] = {}
     # One side is reduced while the next one is averaged.

@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from specularia import progress
+from specularia.bsdf.azimuth import turned_mean
 from specularia.bsdf.build_rank4 import build_tensor4
 from specularia.bsdf.build_tree import _assemble, bin_edges, build, reduce_cells
 from specularia.bsdf.cells import is_isotropic
@@ -55,7 +56,7 @@ def convert(
     ----------
     model : any scattering model. All its bands are converted.
     basis : klems-full, klems-half, klems-quarter, tensor3 or tensor4; None keeps the one that a model from
-        XML has, and takes tensor3 for any other model.
+        XML has, and takes tensor4 for tabulated models that are not isotropic, and tensor3 for any other.
     resolution : g of a tree, 2^g cells along an edge; 3 to 9 for tensor3 (6 unless given), 2 to 7 for tensor4
         (5 unless given). None keeps the tree of a model from XML as it is.
     cull : percentage of a tree's cells to remove; see `build` and `build_tensor4`.
@@ -112,6 +113,12 @@ def _convert(
     rotate_deg: float,
     isotropic: bool,
 ) -> XmlModel:
+    if isinstance(model, TabulatedModel) and not model.isotropic:
+        basis = basis or "tensor4"
+        if basis == "tensor3" and not isotropic:
+            _warn_of_mean(stacklevel=4)
+        if basis == "tensor3" or isotropic:
+            model = turned_mean(model)
     origin = {s: Flipped(model).origin(s) for s in Flipped(model).sides}
     if not flip:
         origin = {s: _origin(model, s) for s in model.sides}
@@ -143,6 +150,14 @@ def _convert(
     attributes |= {s: o for s, o in origin.items() if o != "file"}
     return XmlModel(
         parts=parts, band=band, structure=structure_of(parts), bands=(band,), attributes=attributes
+    )
+
+
+def _warn_of_mean(stacklevel: int) -> None:
+    warnings.warn(
+        "a tree of rank 3 is isotropic: the sample is averaged over all azimuths (tensor4 keeps them).",
+        SpeculariaWarning,
+        stacklevel=stacklevel,
     )
 
 
@@ -199,11 +214,7 @@ def _resampled(
     if angles is not None and (resolution is not None or cull is not None):
         raise PhysicsError("resolution and cull are for trees; a Klems matrix has its patches.")
     if basis == "tensor3" and not is_isotropic(view) and not average:
-        warnings.warn(
-            "a tree of rank 3 is isotropic: the sample is averaged over all azimuths (tensor4 keeps them).",
-            SpeculariaWarning,
-            stacklevel=4,
-        )
+        _warn_of_mean(stacklevel=5)
     if average and basis != "tensor3":
         view = AzimuthMean(view)
     parts: dict[str, Part] = {}

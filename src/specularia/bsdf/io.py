@@ -81,7 +81,7 @@ def write(
     *,
     resolution: int | None = None,
     cull: float | None = None,
-    basis: str = "tensor3",
+    basis: str | None = None,
     name: str | None = None,
     thickness_mm: float | None = None,
 ) -> Written:
@@ -97,7 +97,8 @@ def write(
     cull : percentage of the tree's cells to remove; None removes as many as move 1 % of the light (tensor3)
         or 2 % (tensor4).
     basis : tensor3, small and isotropic, or tensor4, which keeps direct sun right at every angle and also
-        holds samples that are not isotropic.
+        holds samples that are not isotropic. None takes tensor4 for tabulated models that are not, and
+        tensor3 for any other.
     name : of the material; None takes the model's.
     thickness_mm : of the pane; None takes the model's attribute of that name, where there is one.
 
@@ -121,6 +122,8 @@ def write(
     parts: dict[str, Part]
     more: dict[str, Mapping[str, Part]] = {}
     trees: dict[str, Built] = {}
+    if basis is None:
+        basis = "tensor4" if isinstance(model, TabulatedModel) and not model.isotropic else "tensor3"
     if basis not in ("tensor3", "tensor4"):
         raise PhysicsError(f"a tree is written as tensor3 or tensor4, not {basis!r}.")
     if isinstance(model, XmlModel) and resolution is None and (basis == "tensor3" or model.rank == 4):

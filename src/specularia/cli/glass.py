@@ -86,7 +86,7 @@ def trace(
     paths: PathsOption = None,
     target_error: Target = None,
     anisotropic: Annotated[
-        bool, typer.Option("--anisotropic", help="Keep the azimuth of the light; else the sample is turned.")
+        bool, typer.Option("--anisotropic", help="Keep the azimuth of the light (XML: trees of rank 4).")
     ] = False,
     azimuths: Annotated[
         int, typer.Option("--azimuths", min=3, max=360, help="With --anisotropic: azimuths of the light.")
@@ -167,6 +167,8 @@ def trace(
         raise typer.BadParameter(f"{wrong[0]} must end in .nc or .xml", param_hint="-o")
     if workers is not None and scheduler is not None:
         raise typer.BadParameter("give --workers or --scheduler, not both", param_hint="--scheduler")
+    if anisotropic and resolution > 7 and any(p.suffix.lower() == ".xml" for p in outputs):
+        raise typer.BadParameter("trees of rank 4 go up to 7", param_hint="--resolution")
     angles = _angles(numbers(theta, option="--theta"))
     _check_seed(seed)
     with session(quiet=quiet):

@@ -268,8 +268,9 @@ def fit(
                 peer = _by_radiance(summaries, path, resolution, cull, isotropic=model.isotropic)
                 written = peer.model
             else:
-                chosen = basis.value if basis else ("tensor3" if model.isotropic else "tensor4")
-                made = bsdf.write(model, path, resolution=resolution, cull=cull, basis=chosen)
+                made = bsdf.write(
+                    model, path, resolution=resolution, cull=cull, basis=basis.value if basis else None
+                )
                 written = made.model  # type: ignore[assignment]
             for name, result in results.items():
                 _add_xml(result, written, name, model if peer else None)

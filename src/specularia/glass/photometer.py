@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "HORIZON_DEG",
+    "LEAST_PATHS",
     "SHADOW_DEPTH",
     "SHADOW_HALF_WIDTH_DEG",
     "SHADOW_HEIGHT_DEG",
@@ -58,7 +59,8 @@ _CELLS_PER_SIGMA = 1.6
 _PADDED = 1.25
 _RATIO = math.sqrt(2.0)
 _WIDEST_DEG = 6.0
-_LEAST_PATHS = 4000.0
+LEAST_PATHS = 4000
+"""Paths that a reading gathers at least, where its angular response may be widened for it."""
 
 
 def scan(
@@ -117,6 +119,7 @@ def measure(
     wavelength_nm: float = 520.0,
     name: str = "",
     synthetic: bool = False,
+    least_paths: int = LEAST_PATHS,
 ) -> Table:
     """Trace a pane lit from the front and read the transmitted light off in the directions of a scan.
 
@@ -129,6 +132,7 @@ def measure(
     aperture_deg : full width at half maximum of the angular response, 0.3 to 10 degrees; see `density`.
     wavelength_nm : of the light.
     name, synthetic : label of the table; synthetic is True where the slab itself was invented.
+    least_paths : that a reading gathers; see `density`.
 
     Returns
     -------
@@ -149,6 +153,7 @@ def measure(
         wavelength_nm=wavelength_nm,
         name=name,
         synthetic=synthetic,
+        least_paths=least_paths,
     )
 
 
@@ -162,6 +167,7 @@ def read_off(
     wavelength_nm: float = 520.0,
     name: str = "",
     synthetic: bool = False,
+    least_paths: int = LEAST_PATHS,
 ) -> Table:
     """The table of `measure` from paths that were traced already, lit from the front at (theta, phi)."""
     theta_s, phi_s = (np.asarray(a, float) for a in directions)
@@ -175,6 +181,7 @@ def read_off(
         (theta_s, phi_s),
         paths=len(traced.weight),
         aperture_deg=aperture_deg,
+        least_paths=least_paths,
     )
     return Table(
         file="",
@@ -363,13 +370,21 @@ def _plane(aperture_deg: float) -> _Plane:
 
 
 def density(
-    ux: Array, uy: Array, weight: Array, directions: Directions, *, paths: int, aperture_deg: float
+    ux: Array,
+    uy: Array,
+    weight: Array,
+    directions: Directions,
+    *,
+    paths: int,
+    aperture_deg: float,
+    least_paths: int = LEAST_PATHS,
 ) -> Array:
     """BSDF in the directions of a scan, from single exit directions.
 
     Each path is spread over a Gaussian on the equal-area plane: of the aperture's width where paths are
-    dense, wider where it would hold fewer than about 4000 of them, and at most 6 degrees (standard
-    deviation). A path that leaves at v adds w K(v' - v) / C(v) to the BSDF at v', where C, the integral of K
+    dense, wider where it would hold fewer than about `least_paths` of them, and at most 6 degrees (standard
+    deviation); so wide a response raises what it reads where the light falls off steeply (30 % where it falls
+    to a third within 9 degrees). A path that leaves at v adds w K(v' - v) / C(v) to the BSDF at v', where C, the integral of K
     cos over the hemisphere, makes it carry the light w, at the horizon too. What the kernels make of a
     constant BSDF is known and divided out, and a last factor, within a few parts in a thousand of 1, makes
     the integral exactly sum(w) / paths.
@@ -380,6 +395,7 @@ def density(
     directions : theta_s, phi_s in degrees, arrays [P]; only the angle to the normal and phi_s matter.
     paths : all paths that were traced, also those that ended elsewhere.
     aperture_deg : full width at half maximum of the instrument's response, 0.3 to 10 degrees.
+    least_paths : that a reading gathers: more of them make it less noisy, fewer less blurred.
 
     Returns
     -------
@@ -399,7 +415,7 @@ def density(
     cell = np.rint(y).astype(np.intp) * n + np.rint(x).astype(np.intp)
     counts = np.bincount(cell, minlength=n * n).astype(float).reshape(n, n)
     light = np.bincount(cell, weights=weight, minlength=n * n).reshape(n, n)
-    level = _levels(counts, plane)
+    level = _levels(counts, plane, least_paths)
     # Of two neighbouring levels each takes its share, so widths change gradually from place to place.
     shares = [np.clip(1.0 - np.abs(level - k), 0.0, None) for k in range(len(plane.sigmas))]
     bsdf, flat = np.zeros((n, n)), np.zeros((n, n))
@@ -418,7 +434,7 @@ def density(
     return np.clip(out, 0.0, None)
 
 
-def _levels(counts: Array, plane: _Plane) -> Array:
+def _levels(counts: Array, plane: _Plane, least_paths: int) -> Array:
     """Level of blur (a real number) that collects enough paths around each cell."""
     spectrum = _spectrum(counts)
     last = len(plane.sigmas) - 1
@@ -429,7 +445,7 @@ def _levels(counts: Array, plane: _Plane) -> Array:
         np.log(np.clip(4.0 * math.pi * s * s * _blurred(spectrum, s, plane.cells) / cosine, 1e-3, None))
         for s, cosine in zip(plane.sigmas, plane.spread_cosine)
     ]
-    wanted = math.log(_LEAST_PATHS)
+    wanted = math.log(least_paths)
     for k in range(last, 0, -1):
         between = (held[k] >= wanted) & (held[k - 1] < wanted)
         part = (wanted - held[k - 1]) / np.where(between, held[k] - held[k - 1], 1.0)
