@@ -11,7 +11,7 @@ import pytest
 
 from specularia import bsdf
 from specularia.bsdf import SideTable, TabulatedModel
-from specularia.bsdf.azimuth import azimuth_loss
+from specularia.bsdf.azimuth import azimuth_loss, turned_mean
 from specularia.bsdf.tabulated import cell_centres
 from specularia.errors import FormatError, PhysicsError, SpeculariaWarning
 from specularia.files import read_netcdf, write_netcdf
@@ -220,8 +220,30 @@ def test_a_tree_of_rank_3_says_what_averaging_over_azimuth_loses(tmp_path: Path)
     )
     assert 0.05 < azimuth_loss(wide, "reflection_front") < 0.6
     with pytest.warns(SpeculariaWarning, match=r"not isotropic.*mean over azimuth.*tensor4"):
-        written = bsdf.write(wide, tmp_path / "m.xml", resolution=3)
+        written = bsdf.write(wide, tmp_path / "m.xml", resolution=3, basis="tensor3")
     assert azimuth_loss(written.model, "reflection_front") == 0.0
+
+
+def test_a_turning_sample_shows_the_mean_over_its_azimuths(model: TabulatedModel) -> None:
+    mean = turned_mean(model)
+    assert mean.isotropic and turned_mean(mean) is mean
+    for theta in (0.0, 25.0, 50.0):
+        x, y = points(theta, 0.0)
+        exact = np.zeros(x.shape)
+        for phi in np.arange(0.5, 360.0, 1.0):
+            c, s = np.cos(np.radians(phi)), np.sin(np.radians(phi))
+            exact += lobe(theta, phi, x * c - y * s, x * s + y * c, 0.5)
+        found = mean.evaluate(FRONT, theta, 0.0, x, y)
+        difference = np.abs(found / found.sum() - exact / exact.sum())
+        assert np.max(difference) < 0.04 * np.max(exact / exact.sum())
+        assert float(mean.direct_hemispherical(FRONT, theta)) == pytest.approx(0.8 - 0.004 * theta, rel=1e-6)
+
+
+def test_a_file_of_an_anisotropic_model_keeps_its_azimuths(model: TabulatedModel, tmp_path: Path) -> None:
+    written = bsdf.write(model, tmp_path / "m.xml", resolution=4).model
+    assert isinstance(written, bsdf.XmlModel) and written.rank == 4
+    assert isinstance(bsdf.convert(model, resolution=3), bsdf.XmlModel)
+    assert bsdf.convert(model, resolution=3).rank == 4
 
 
 @pytest.mark.parametrize(
