@@ -15,6 +15,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from specularia.analysis.diffraction import FARTHEST_DEG, Diffraction, diffraction
 from specularia.analysis.lobe_shape import (
     LobeShape,
     shape_of_distribution,
@@ -40,6 +41,7 @@ STEPS: Final = {
     "absorption": "absorption of the glass",
     "bubbles": "bubbles and inclusions",
     "micro-relief": "relief too fine for the microscope",
+    "diffraction": "waves in place of rays, by the scalar model of the same maps",
     "tree": "no tensor tree: single directions in place of its cells, and of the mean over azimuth",
     "instrument": "the instrument: aperture, scan, horizon, and how a table is integrated",
 }
@@ -109,8 +111,8 @@ class Budget:
     measured, measured_se : [A, 3]; the error of tau only, from noise and bounds of the instrument.
     swapped : the two steps with the largest effect on tau, taken in the other order: the later one in the
         place of the earlier, and the earlier one in the place of the later.
-    l1, l1_noise : [A] distance of the last state from the table, integral of |difference of cell means| over
-        tau on cells of direction cosines (`gonio.cross_validation.distance`), and the same of noise alone:
+    l1, l1_noise : [A] distance of the last state, without diffraction, from the table, integral of |difference
+        of cell means| over tau on cells of direction cosines (`gonio.cross_validation.distance`), and the same of noise alone:
         that of the table, and that of tracing from two halves of the paths.
     synthetic : whether pane or tables are.
     """
@@ -163,9 +165,12 @@ def explain(
     slab : the pane with everything that is known of it: maps, absorption, bubbles, fine relief.
     tables : measured transmission of light on the front, one for each incident angle.
     published : where the budget begins.
-    order : names of `STEPS`, each once at most; those left out are not taken. None takes them all.
+    order : names of `STEPS`, each once at most; those left out are not taken. None takes them all, but for
+        "diffraction" where all tables are synthetic: they were traced by rays.
     unsure : relative standard errors of what the steps "absorption" (per mm), "bubbles" (number per volume)
-        and "micro-relief" (slope) bring in; the effect's error follows from its growth with that number.
+        and "micro-relief" (slope) bring in; the effect's error follows from its growth with that number. That
+        of "diffraction" is the wave model's own; beyond 40 degrees of incidence, where that model does not
+        hold, its effect is set to 0 with an error as large as the largest effect below.
     aperture_deg : full width at half maximum of the instrument's angular response, 0.3 to 10 degrees.
     paths : for each state and angle.
     seed : of the random streams, the same for all states.
@@ -177,10 +182,13 @@ def explain(
     CoverageError : no table of transmitted light on the front.
     """
     published = published or Published()
-    order = tuple(STEPS) if order is None else tuple(order)
+    chosen = [t for t in tables if t.side == "transmission_front"]
+    if order is None:
+        rays = bool(chosen) and all(t.synthetic for t in chosen)
+        order = [s for s in STEPS if s != "diffraction" or not rays]
+    order = tuple(order)
     unsure = dict(unsure or {})
     _check(slab, order, unsure)
-    chosen = [t for t in tables if t.side == "transmission_front"]
     if not chosen:
         raise CoverageError(f"no table of light transmitted from the front among {len(tables)}.")
     summaries = sorted(summarise_all(chosen, isotropic=True), key=lambda s: s.table.polar_deg)
@@ -277,6 +285,7 @@ class _States:
         self.known: dict[frozenset[str], list[LobeShape]] = {}
         self.read: dict[frozenset[str], list[Distribution]] = {}
         self.panes: dict[frozenset[str], Slab] = {}
+        self.waves: list[Diffraction] | None = None
 
     def present(self, name: str) -> bool:
         """Whether the pane holds what a step brings in."""
@@ -285,6 +294,7 @@ class _States:
             "absorption": slab.medium.absorption_at(self.wavelength_nm) > 0.0,
             "bubbles": bool(slab.bubble_kinds) or slab.bubbles is not None,
             "micro-relief": slab.front.micro_slope > 0.0 or slab.back.micro_slope > 0.0,
+            "diffraction": not (slab.front.is_flat and slab.back.is_flat),
         }.get(name, True)
 
     def step(self, name: str, taken: tuple[str, ...], relative: float) -> Step:
@@ -295,6 +305,8 @@ class _States:
         for k, (one, two) in enumerate(zip(before, after)):
             se[k] = standard_error(two.values - one.values)
         unsure = np.abs(b - a) * relative * _POWER.get(name, 0.0)
+        if name == "diffraction" and self.present(name):
+            unsure = np.array([d.se for d in self._diffraction()])
         return Step(name, self.present(name), a, b, se, unsure)
 
     def of(self, taken: Sequence[str]) -> list[LobeShape]:
@@ -349,7 +361,35 @@ class _States:
             found = self._read_off(paths, k)
             self.read.setdefault(key, []).append(found)
             shape = LobeShape(shape.values + (shape_of_distribution(found, theta).mean - shape.mean))
+        if "diffraction" in key:
+            shape = LobeShape(shape.values + self._diffraction()[k].effect)
         return shape
+
+    def _diffraction(self) -> list[Diffraction]:
+        """Waves less rays at each angle; the same for all states, since only the maps make it."""
+        if self.waves is None:
+            polar = [s.table.polar_deg for s in self.summaries]
+            near = {
+                k: diffraction(
+                    self.slab,
+                    theta_deg=theta,
+                    phi_deg=self.summaries[k].table.azimuth_deg,
+                    paths=self.paths,
+                    seed=self.seed,
+                    wavelength_nm=self.wavelength_nm,
+                )
+                for k, theta in enumerate(polar)
+                if theta <= FARTHEST_DEG
+            }
+            if not near:
+                raise CoverageError(
+                    f"diffraction is computed up to {FARTHEST_DEG:g} degrees, and no table lies there; "
+                    "name the other steps in the order."
+                )
+            # Where it is not computed it may be as large as it is elsewhere.
+            most = np.max([np.abs(d.effect) + d.se for d in near.values()], axis=0)
+            self.waves = [near.get(k, Diffraction(np.zeros(3), most)) for k in range(len(polar))]
+        return self.waves
 
     def _light(self, key: frozenset[str], k: int) -> tuple[Paths, Array]:
         """Paths of one state at one angle, light coming from phi = 0, and how many arrived per replicate."""
@@ -386,7 +426,7 @@ class _States:
 
     def _pane(self, key: frozenset[str]) -> Slab:
         """The pane of a state."""
-        kept = key - {"tree", "instrument"}
+        kept = key - {"tree", "instrument", "diffraction"}
         if kept not in self.panes:
             slab = self.slab
             clear = Medium(index=slab.medium.index)

@@ -27,7 +27,7 @@ from specularia.errors import PhysicsError, SpeculariaWarning
 from specularia.glass.kernel import BACK, FRONT
 from specularia.glass.slab import MANY_PERIODS, Slab
 
-__all__ = ["FarField", "Orders", "orders", "wave"]
+__all__ = ["FarField", "Orders", "far_fields", "orders", "wave"]
 
 Array = NDArray[np.float64]
 
@@ -127,6 +127,29 @@ def orders(
     """
     grid = _grid(slab, wavelength_nm, pitch_um, window_um)
     return _orders(slab, grid, wavelength_nm, theta_deg, phi_deg, offset_um, order)
+
+
+def far_fields(
+    slab: Slab,
+    *,
+    wavelength_nm: float = 520.0,
+    theta_deg: float = 0.0,
+    phi_deg: float = 0.0,
+    members: int = 4,
+    pitch_um: float | None = None,
+    window_um: float = 1000.0,
+    seed: int = 0,
+    order: int = 2,
+) -> Iterator[Orders]:
+    """The far fields of windows at random places: `members` of them, or one where it is the whole period.
+
+    Parameters
+    ----------
+    see `orders` and `wave`.
+    """
+    grid = _grid(slab, wavelength_nm, pitch_um, window_um)
+    for offset in _offsets(slab, members if grid.tapered else 1, np.random.default_rng(seed)):
+        yield _orders(slab, grid, wavelength_nm, theta_deg, phi_deg, offset, order)
 
 
 def _grid(slab: Slab, wavelength_nm: float, pitch_um: float | None, window_um: float) -> _Grid:
