@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 
 from specularia import analysis, gonio
-from specularia.analysis.infer_design import emulate, light_in_cells, measured_light, with_values
+from specularia.analysis.infer_design import SECTORS, emulate, light_in_cells, measured_light, with_values
 from specularia.cli import main
 from specularia.errors import CoverageError, PhysicsError
 from specularia.glass import BubbleKind, Face, Medium, Slab, photometer, read_slab, trace_paths
 from specularia.gonio import Table, summarise_all
 
 THETA = (0.0, 30.0, 60.0)
+APERTURE = 0.6
 TRUTH = {"absorption_per_mm": 0.06, "micro_slope_back": 0.09}
 
 
@@ -40,7 +41,14 @@ def tables(slab: Slab, paths: int = 1_000_000) -> list[Table]:
         rng = np.random.default_rng(k)
         directions = photometer.scan(theta, base=6_000, middle=6_000, peak=4_000, rng=rng)
         clean = photometer.measure(
-            slab, theta_deg=theta, directions=directions, paths=paths, seed=50 + k, synthetic=True
+            slab,
+            theta_deg=theta,
+            directions=directions,
+            paths=paths,
+            seed=50 + k,
+            aperture_deg=APERTURE,
+            least_paths=300,
+            synthetic=True,
         )
         found.append(photometer.recorded(clean, relative_noise=0.01, floor=1e-5, shadow=False, rng=rng))
     return found
@@ -53,7 +61,9 @@ def measured() -> list[Table]:
 
 @pytest.fixture(scope="module")
 def found(measured: list[Table]) -> analysis.Inferred:
-    return analysis.infer(pane(), measured, seek=tuple(TRUTH), paths=30_000, seed=4)
+    return analysis.infer(
+        pane(), measured, seek=tuple(TRUTH), paths=30_000, seed=4, aperture_deg=APERTURE
+    )
 
 
 @pytest.mark.parametrize("name", list(TRUTH))
@@ -121,9 +131,54 @@ def test_light_in_the_cells_of_a_table_is_that_of_the_paths_it_was_read_off(meas
     assert np.all(noise[bright] < 0.02 * light[bright])
 
 
+def test_light_far_aside_is_counted_alike_in_tables_and_traces() -> None:
+    """Bubbles send light aside by more than 90 degrees too, which no cell takes."""
+    kind = BubbleKind(per_cm3=300.0, median_mm=0.3, sigma=0.2, placing="free flight")
+    slab = replace(with_values(pane(), TRUTH), bubble_kinds=(kind,))
+    directions = photometer.scan(60.0, base=12_000, middle=100, peak=100, rng=np.random.default_rng(1))
+    table = photometer.measure(
+        slab, theta_deg=60.0, directions=directions, paths=2_000_000, seed=6, least_paths=200, synthetic=True
+    )
+    (summary,) = summarise_all([table], isotropic=True)
+    light, _ = measured_light(summary.distribution, 60.0)
+    paths = trace_paths(slab, theta_deg=60.0, paths=2_000_000, seed=8)
+    traced = light_in_cells(paths, 60.0).mean(axis=0)
+    # The outermost rings, 32 to 90 degrees, sectors towards the normal and across.
+    outer = np.arange(light.size).reshape(-1, SECTORS)[-4:, :2].ravel()
+    assert np.all(traced[outer] > 1e-4)
+    np.testing.assert_allclose(light[outer], traced[outer], rtol=0.1)
+
+
+def test_a_thickness_that_is_not_known_stays_so_and_widens_the_rest(
+    measured: list[Table], found: analysis.Inferred
+) -> None:
+    unsure = analysis.infer(
+        pane(),
+        measured,
+        seek=(*TRUTH, "thickness_mm"),
+        priors={"thickness_mm": analysis.Prior(3.0, 0.1)},
+        paths=30_000,
+        seed=4,
+        hold_out=False,
+        aperture_deg=APERTURE,
+    )
+    known, now, thick = (
+        np.std(np.log(f.samples[:, f.names.index(n)]))
+        for f, n in ((found, "absorption_per_mm"), (unsure, "absorption_per_mm"), (unsure, "thickness_mm"))
+    )
+    assert thick == pytest.approx(0.1, rel=0.15)
+    assert now == pytest.approx(np.hypot(known, 0.1), rel=0.15)
+    assert "thickness_mm" in unsure.open
+    product = np.log(unsure.samples[:, unsure.names.index("absorption_per_mm")] * unsure.samples[:, -1] / 3.0)
+    assert np.std(product) == pytest.approx(known, rel=0.2)
+    assert unsure.slab.thickness_mm == pytest.approx(unsure.interval("thickness_mm")[0])
+
+
 def test_what_cannot_be_inferred_is_refused(measured: list[Table]) -> None:
     with pytest.raises(PhysicsError, match="can be sought"):
         analysis.infer(pane(), measured, seek=["colour"])
+    with pytest.raises(PhysicsError, match="along with absorption_per_mm"):
+        analysis.infer(pane(), measured, seek=["thickness_mm", "micro_slope_back"])
     with pytest.raises(CoverageError, match="two tables"):
         analysis.infer(pane(), measured[:1], seek=["absorption_per_mm"])
     with pytest.raises(PhysicsError, match="prior"):

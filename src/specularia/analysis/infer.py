@@ -8,14 +8,23 @@ discrepancy is inferred along, and neighbouring cells share it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from specularia.analysis.infer_design import PARAMETERS, Emulator, emulate, measured_light, with_values
+from specularia.analysis.infer_design import (
+    PARAMETERS,
+    PER_LENGTH,
+    SECTORS,
+    THICKNESS,
+    Emulator,
+    emulate,
+    measured_light,
+    with_values,
+)
 from specularia.errors import CoverageError, PhysicsError
 from specularia.glass import Slab
 from specularia.gonio import Summary, Table, summarise_all
@@ -54,7 +63,10 @@ PRIORS: Final = {
     "micro_slope_front": Prior(0.05, 0.7),
     "micro_slope_back": Prior(0.05, 0.7),
 }
-"""Priors where none are given; chosen here to be wide, not measured on any collection of glass."""
+"""Priors where none are given; chosen here to be wide, not measured on any collection of glass. That of the
+thickness has the pane's own as its median, and `_CALLIPER` as its sigma."""
+
+_CALLIPER: Final = 0.03
 
 _HIGHEST: Final = {
     "absorption_per_mm": 0.4,
@@ -78,6 +90,9 @@ incidence they are alike by `_ALIKE_ANGLES` of that. Chosen here."""
 
 _ALIKE_ANGLES: Final = 0.5
 
+_ALIKE_SECTORS: Final = 0.7
+"""The same between neighbouring sectors of a ring; between those that lie opposite the square of it."""
+
 _BRIGHT: Final = 0.01
 """Share of the light in a cell below which the discrepancy is larger, by one over the square root of it."""
 
@@ -88,6 +103,9 @@ _LEAST_DISCREPANCY: Final = 0.02
 """The least that is believed of it: maps of one field are not known to tell more. Chosen here."""
 
 _WALKERS, _STEPS, _BURN = 48, 1500, 500
+
+_DRAWS, _CLIMBS = 2000, 4
+"""Places tried for the start of the walkers, and how many of them are climbed from."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +134,8 @@ class Inferred:
     open : names of parameters that the data hardly narrow: the interval is over 0.7 of the prior's.
     held_out : predictive checks.
     slab : the pane with the medians.
-    thickness_mm : of the slab; absorption and bubbles per volume are known only times thickness.
+    thickness_mm : of the pane as it was given. Absorption and bubbles per volume are known only times
+        thickness: its own error is in theirs only if it was sought too.
     emulator_error : [3] median, and 90th percentile, and largest relative error of a cell by the emulator.
     """
 
@@ -148,7 +167,8 @@ class Inferred:
         """[N] bubbles per area of the pane; None if they were not sought."""
         if "bubbles_per_cm3" not in self.names:
             return None
-        return self.samples[:, self.names.index("bubbles_per_cm3")] * 0.1 * self.thickness_mm
+        thick = self.samples[:, self.names.index(THICKNESS)] if THICKNESS in self.names else self.thickness_mm
+        return np.asarray(self.samples[:, self.names.index("bubbles_per_cm3")] * 0.1 * thick)
 
     @property
     def twins(self) -> list[tuple[str, str, float]]:
@@ -182,7 +202,9 @@ def infer(
     slab : the pane with its maps, index and thickness. Where bubbles are sought, its first kind says how
         their sizes spread and along which axis they are drawn out; of a pane without any, one size along y.
     tables : measured transmission of light on the front; two angles at least.
-    seek : names of `PARAMETERS`.
+    seek : names of `PARAMETERS`, and "thickness_mm" where it is not known well: what light tells is its product
+        with absorption and bubbles, so its prior (a calliper's 3 % around the pane's unless given) stays, and
+        widens theirs.
     priors : in place of those of `PRIORS`, by name.
     scale_error : relative standard error of the scale that all tables share (calibration).
     hold_out : whether each table but the first and the last is predicted from the others.
@@ -195,10 +217,13 @@ def infer(
     -------
     Inferred : samples of the posterior (emcee, Foreman-Mackey et al. 2013, doi:10.1086/670067).
     """
-    seek = tuple(n for n in PARAMETERS if n in seek) if set(seek) <= set(PARAMETERS) else ()
-    given = {**PRIORS, **(priors or {})}
-    if not seek or set(given) - set(PRIORS):
-        raise PhysicsError(f"what can be sought, and have a prior, is {', '.join(PARAMETERS)}.")
+    known = (*PARAMETERS, THICKNESS)
+    seek = tuple(n for n in known if n in seek) if set(seek) <= set(known) else ()
+    given = {**PRIORS, THICKNESS: Prior(slab.thickness_mm, _CALLIPER), **(priors or {})}
+    if not seek or set(given) - set(known):
+        raise PhysicsError(f"what can be sought, and have a prior, is {', '.join(known)}.")
+    if THICKNESS in seek and not set(seek) & set(PER_LENGTH):
+        raise PhysicsError("thickness_mm is sought along with absorption_per_mm or bubbles_per_cm3 only.")
     if slab.patch is not None:
         raise PhysicsError("the pane goes on for ever; leave [patch] out of its description.")
     chosen = [t for t in tables if t.side == "transmission_front"]
@@ -211,6 +236,7 @@ def infer(
     ranges = {
         n: (p.median * np.exp(-_REACH * p.sigma), min(p.median * np.exp(_REACH * p.sigma), _HIGHEST[n]))
         for n, p in kept.items()
+        if n != THICKNESS
     }
     whole = ranges
     everything = np.ones(len(summaries), bool)
@@ -225,15 +251,17 @@ def infer(
             aperture_deg=aperture_deg,
         )
         data = _Data(emulator, summaries, scale_error)
-        samples, discrepancy = _sample(emulator, data, kept, ranges, everything, seed)
+        samples, discrepancy = _sample(emulator, data, kept, ranges, everything, seed, slab.thickness_mm)
         if stage < _STAGES - 1:
-            ranges = _closer(seek, samples, ranges)
+            ranges = _closer(emulator.names, _at(slab.thickness_mm, seek, samples), ranges)
     held = []
     if hold_out:
         for k in range(1, len(summaries) - 1):
             others = everything.copy()
             others[k] = False
-            held.append(_predicted(emulator, data, kept, ranges, others, k, summaries[k], seed))
+            held.append(
+                _predicted(emulator, data, kept, ranges, others, k, summaries[k], seed, slab.thickness_mm)
+            )
     medians = {n: float(np.median(samples[:, i])) for i, n in enumerate(seek)}
     at_edge, wide = _verdict(seek, samples, kept, whole)
     return Inferred(
@@ -249,6 +277,19 @@ def infer(
         emulator_error=np.quantile(emulator.error, [0.5, 0.9, 1.0]),
         synthetic=slab.synthetic or any(t.synthetic for t in chosen),
     )
+
+
+def _at(thickness_mm: float, names: Sequence[str], values: Array) -> Array:
+    """[..., P] what the emulator is asked for: values per length of a pane of the emulator's thickness."""
+    if THICKNESS not in names:
+        return values
+    share = values[..., names.index(THICKNESS)] / thickness_mm
+    kept = [n for n in names if n != THICKNESS]
+    out = np.stack([values[..., names.index(n)] for n in kept], axis=-1)
+    for k, name in enumerate(kept):
+        if name in PER_LENGTH:
+            out[..., k] *= share
+    return out
 
 
 def _closer(
@@ -269,7 +310,7 @@ class _Data:
     """Measured logarithms in the emulator's cells, and how their errors hang together."""
 
     def __init__(self, emulator: Emulator, summaries: Sequence[Summary], scale_error: float) -> None:
-        logs, errors, middle, angle = [], [], [], []
+        logs, errors, middle, angle, sector = [], [], [], [], []
         for k, (cells, summary) in enumerate(zip(emulator.cells, summaries)):
             light, noise = measured_light(summary.distribution, summary.table.polar_deg)
             light, noise = light[cells.used], noise[cells.used]
@@ -280,6 +321,7 @@ class _Data:
             logs.append(np.log(light))
             errors.append(noise / light)
             middle.append(cells.deflection_deg)
+            sector.append(cells.used % SECTORS)
             angle.append(np.full(light.size, k))
         self.log_light = np.concatenate(logs)
         self.angle = np.concatenate(angle)
@@ -287,6 +329,8 @@ class _Data:
         ln = np.log(np.concatenate(middle))
         alike = np.exp(-np.abs(ln[:, None] - ln) / _ALIKE)
         alike *= np.where(self.angle[:, None] == self.angle, 1.0, _ALIKE_ANGLES)
+        turn = np.concatenate(sector)
+        alike *= _ALIKE_SECTORS ** np.abs(turn[:, None] - turn)
         # What the polynomial misses, it misses alike in neighbouring cells.
         self.misfit = alike * emulator.misfit[:, None] * emulator.misfit
         # Few places of a map send light where there is little: a map knows dim cells less well.
@@ -319,23 +363,26 @@ def _sample(
     ranges: Mapping[str, tuple[float, float]],
     of: NDArray[np.bool_],
     seed: int,
+    thickness_mm: float,
 ) -> tuple[Array, Array]:
-    """Samples [N, P] of the parameters and [N] of the discrepancy."""
+    """Samples [N, P] of the parameters, in the order of `priors`, and [N] of the discrepancy."""
     import emcee
 
     mine, w, basis = data.prepared(of)
     observed = data.log_light[mine]
-    names = emulator.names
+    names = tuple(priors)
     mean = np.log([priors[n].median for n in names])
     sigma = np.array([priors[n].sigma for n in names])
-    low, high = (np.log([ranges[n][k] for n in names]) for k in (0, 1))
+    low, high = (np.log([ranges[n][k] for n in emulator.names]) for k in (0, 1))
 
     def log_posterior(points: Array) -> Array:
         ln, s = points[:, :-1], np.exp(points[:, -1])
-        inside = np.all((ln >= low) & (ln <= high), axis=1) & (s > _LEAST_DISCREPANCY) & (s < 0.5)
+        asked = _at(thickness_mm, names, np.exp(ln))
+        inside = np.all((np.log(asked) >= low) & (np.log(asked) <= high), axis=1)
+        inside &= (s > _LEAST_DISCREPANCY) & (s < 0.5)
         out = np.full(len(points), -np.inf)
         if inside.any():
-            off = observed - emulator.log_light(np.exp(ln[inside]))[:, mine]
+            off = observed - emulator.log_light(asked[inside])[:, mine]
             t = off @ basis.T
             spread = 1.0 + s[inside, None] ** 2 * w
             fit = -0.5 * np.sum(t * t / spread + np.log(spread), axis=1)
@@ -346,18 +393,52 @@ def _sample(
         return out
 
     rng = np.random.default_rng([seed, 5])
-    centre = np.append(
-        np.clip(mean, low + 0.1 * (high - low), high - 0.1 * (high - low)), np.log(2.0 * _LEAST_DISCREPANCY)
-    )
-    start = centre + rng.normal(0.0, 0.05, (_WALKERS, centre.size))
-    start[:, :-1] = np.clip(start[:, :-1], low + 1e-3, high - 1e-3)
-    sampler = emcee.EnsembleSampler(_WALKERS, centre.size, log_posterior, vectorize=True)
+    best = _peak(log_posterior, mean, sigma, low, high, rng)
+    start = best + rng.normal(0.0, 0.02, (_WALKERS, best.size))
+    some = slice(0, low.size)
+    start[:, some] = np.clip(start[:, some], low + 1e-3, high - 1e-3)
+    # The thickness comes last, if at all: what it moves must stay within what was traced.
+    start[:, low.size : -1] = best[low.size : -1] + rng.normal(0.0, 1e-4, (_WALKERS, best.size - 1 - low.size))
+    start[:, -1] = np.maximum(start[:, -1], np.log(1.02 * _LEAST_DISCREPANCY))
+    sampler = emcee.EnsembleSampler(_WALKERS, best.size, log_posterior, vectorize=True)
     sampler._random = np.random.RandomState(np.random.MT19937(np.random.SeedSequence([seed, 6])))
     with task("posterior", _STEPS) as progress:
         for _ in sampler.sample(start, iterations=_STEPS):
             progress.advance()
     flat = sampler.get_chain(discard=_BURN, thin=10, flat=True)
     return np.exp(flat[:, :-1]), np.exp(flat[:, -1])
+
+
+def _peak(
+    log_posterior: Callable[[Array], Array],
+    mean: Array,
+    sigma: Array,
+    low: Array,
+    high: Array,
+    rng: np.random.Generator,
+) -> Array:
+    """The highest place of a posterior: the best of draws over all that was traced, each climbed from.
+
+    From far away a large discrepancy explains everything, and walkers would stay with it.
+    """
+    from scipy.optimize import minimize
+
+    traced = low.size
+    draws = np.empty((_DRAWS, mean.size + 1))
+    draws[:, :traced] = low + (high - low) * rng.random((_DRAWS, traced))
+    draws[:, traced:-1] = mean[traced:]
+    draws[:, -1] = np.log(_LEAST_DISCREPANCY * rng.uniform(1.05, 3.0, _DRAWS))
+    order = np.argsort(log_posterior(draws))[::-1]
+    found = [
+        minimize(
+            lambda p: float(min(-log_posterior(p[None, :])[0], 1e9)),
+            draws[k],
+            method="Nelder-Mead",
+            options={"maxfev": 400 * mean.size, "xatol": 1e-3, "fatol": 1e-2, "adaptive": True},
+        )
+        for k in order[:_CLIMBS]
+    ]
+    return np.asarray(min(found, key=lambda f: float(f.fun)).x)
 
 
 def _predicted(
@@ -369,11 +450,12 @@ def _predicted(
     k: int,
     summary: Summary,
     seed: int,
+    thickness_mm: float,
 ) -> HeldOutTau:
     """Transmission at angle k from what the other angles say; in the cells that are compared."""
-    samples, discrepancy = _sample(emulator, data, priors, ranges, others, seed)
+    samples, discrepancy = _sample(emulator, data, priors, ranges, others, seed, thickness_mm)
     mine = data.angle == k
-    light = np.exp(emulator.log_light(samples)[:, mine])
+    light = np.exp(emulator.log_light(_at(thickness_mm, tuple(priors), samples))[:, mine])
     tau = light.sum(axis=1)
     # What the discrepancy and the scale may do to the sum, given how alike neighbouring cells are.
     share = light.mean(axis=0) / light.mean(axis=0).sum()
@@ -395,7 +477,8 @@ def _verdict(
     for i, name in enumerate(names):
         ln = np.log(samples[:, i])
         low, high = np.quantile(ln, [0.025, 0.975])
-        a, b = np.log(ranges[name])
+        whole = priors[name].sigma
+        a, b = np.log(ranges.get(name, priors[name].median * np.exp([-4.0 * whole, 4.0 * whole])))
         if low < a + 0.03 * (b - a) or high > b - 0.03 * (b - a):
             edge.append(name)
         if high - low > 0.7 * min(2 * 1.96 * priors[name].sigma, b - a):

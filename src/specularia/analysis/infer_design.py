@@ -22,7 +22,7 @@ from specularia.gonio import Summary
 from specularia.gonio.interpolant import Distribution
 from specularia.progress import task
 
-__all__ = ["PARAMETERS", "Cells", "Emulator", "emulate", "light_in_cells", "measured_light"]
+__all__ = ["PARAMETERS", "PER_LENGTH", "SECTORS", "THICKNESS", "Cells", "Emulator", "emulate", "light_in_cells", "measured_light"]
 
 Array = NDArray[np.float64]
 
@@ -36,10 +36,16 @@ PARAMETERS: Final = (
 )
 """What can be inferred besides thickness, which is known from them only times absorption or bubbles."""
 
+THICKNESS: Final = "thickness_mm"
+"""Can be sought too; needs no traces of its own, since light knows it only times absorption and bubbles."""
+
+PER_LENGTH: Final = ("absorption_per_mm", "bubbles_per_cm3")
+"""Parameters whose product with the thickness is what light knows."""
+
 _RINGS_DEG: Final = np.array(
     [0.0, 0.7, 1.4, 2.2, 3.2, 4.5, 6.0, 8.0, 10.5, 13.5, 17.0, 21.0, 26.0, 32.0, 40.0, 50.0, 63.0, 90.0]
 )
-_SECTORS: Final = 3
+SECTORS: Final = 3
 """Of a ring: towards the normal, across, and towards the horizon; the two sides across count as one."""
 
 _WHOLE_RINGS: Final = 3
@@ -81,11 +87,11 @@ def _cell(ux: Array, uy: Array, theta_deg: float) -> NDArray[np.intp]:
     # Azimuth around the undeflected direction, 0 towards the normal.
     psi = np.abs(np.arctan2(uy, ux * np.cos(t) + uz * np.sin(t)))
     ring = np.clip(np.searchsorted(_RINGS_DEG, d, side="right") - 1, 0, _RINGS_DEG.size - 2)
-    sector = np.minimum((psi * (_SECTORS / np.pi)).astype(np.intp), _SECTORS - 1)
-    return ring * _SECTORS + np.where(ring < _WHOLE_RINGS, 0, sector)
+    sector = np.minimum((psi * (SECTORS / np.pi)).astype(np.intp), SECTORS - 1)
+    return ring * SECTORS + np.where(ring < _WHOLE_RINGS, 0, sector)
 
 
-_ALL: Final = (_RINGS_DEG.size - 1) * _SECTORS
+_ALL: Final = (_RINGS_DEG.size - 1) * SECTORS
 
 
 def light_in_cells(paths: Paths, theta_deg: float) -> Array:
@@ -111,8 +117,8 @@ def measured_light(found: Distribution, theta_deg: float, seed: int = 0) -> tupl
     low, high = _RINGS_DEG[:-1, None], _RINGS_DEG[1:, None]
     edges = np.cos(np.radians(low + (high - low) * np.arange(_SUB + 1) / _SUB))
     d = np.radians(low + (high - low) * k)[:, None, :, None]
-    psi = ((np.arange(_SECTORS)[:, None] + k) * (np.pi / _SECTORS))[None, :, None, :]
-    area = (edges[:, :-1] - edges[:, 1:])[:, None, :, None] * (np.pi / _SECTORS / _SUB)
+    psi = ((np.arange(SECTORS)[:, None] + k) * (np.pi / SECTORS))[None, :, None, :]
+    area = (edges[:, :-1] - edges[:, 1:])[:, None, :, None] * (np.pi / SECTORS / _SUB)
     t = np.radians(theta_deg)
     toward, along = np.sin(d) * np.cos(psi), np.cos(d) + 0.0 * psi
     ux = toward * np.cos(t) - along * np.sin(t)
@@ -120,7 +126,7 @@ def measured_light(found: Distribution, theta_deg: float, seed: int = 0) -> tupl
     uy = np.sin(d) * np.sin(psi) + 0.0 * ux
     seen = uz > _LEAST_COSINE
     weight = np.broadcast_to(area, ux.shape)[seen] * uz[seen]
-    number = np.arange(_ALL).reshape(-1, _SECTORS)
+    number = np.arange(_ALL).reshape(-1, SECTORS)
     number[:_WHOLE_RINGS] = number[:_WHOLE_RINGS, :1]
     place = np.broadcast_to(number[:, :, None, None], ux.shape)[seen]
 
@@ -252,7 +258,7 @@ def emulate(
         off = np.sqrt(np.mean((logs - matrix @ fit) ** 2, axis=0))
         noise = stack[:, :, used].std(axis=1, ddof=1) / np.sqrt(REPLICATES) / mean[:, used]
         middle = 0.5 * (_RINGS_DEG[:-1] + _RINGS_DEG[1:])
-        cells.append(Cells(summary.table.polar_deg, used, middle[used // _SECTORS]))
+        cells.append(Cells(summary.table.polar_deg, used, middle[used // SECTORS]))
         coefficients.append(fit)
         noises.append(np.median(noise, axis=0))
         misfits.append(off)
@@ -318,6 +324,8 @@ def with_values(slab: Slab, values: Mapping[str, float], *, density_as_traced: f
     for side in ("front", "back"):
         if f"micro_slope_{side}" in values:
             changed[side] = replace(getattr(slab, side), micro_slope=float(values[f"micro_slope_{side}"]))
+    if THICKNESS in values:
+        changed[THICKNESS] = float(values[THICKNESS])
     return replace(slab, **changed)  # type: ignore[arg-type]
 
 

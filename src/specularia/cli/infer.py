@@ -25,7 +25,7 @@ def infer(
             "--seek",
             metavar="NAME,...",
             help="What to infer: absorption_per_mm, bubbles_per_cm3, bubble_diameter_mm, bubble_elongation, "
-            "micro_slope_front, micro_slope_back. Without it all of them.",
+            "micro_slope_front, micro_slope_back; and thickness_mm. Without it all but the last.",
         ),
     ] = None,
     prior: Annotated[
@@ -73,11 +73,10 @@ def infer(
             raise typer.BadParameter(f"{text!r} is no NAME=MEDIAN,SIGMA", param_hint="--prior") from None
         priors[name.strip()] = analysis.Prior(median, sigma)
     names = analysis.PARAMETERS if seek is None else tuple(s.strip() for s in seek.split(",") if s.strip())
+    known = (*analysis.PARAMETERS, "thickness_mm")
     for name in [*names, *priors]:
-        if name not in analysis.PARAMETERS:
-            raise typer.BadParameter(
-                f"{name!r} is none of {', '.join(analysis.PARAMETERS)}", param_hint="--seek, --prior"
-            )
+        if name not in known:
+            raise typer.BadParameter(f"{name!r} is none of {', '.join(known)}", param_hint="--seek, --prior")
     with session(quiet=quiet):
         slab = read_slab(glass, seed=seed)
         measured = [t for file in tables for t in gonio.read(file)]
@@ -144,10 +143,8 @@ def infer(
     ]
     lines += [f"{name}: the interval reaches the end of what was traced" for name in found.at_edge]
     lines += [f"{a} and {b} are not told apart (correlation {c:+.2f})" for a, b, c in found.twins]
-    known = f"{glass.name} says {found.thickness_mm:g} mm"
-    lines.append(f"absorption and bubbles are known only times the thickness; {known}")
-    if any(n.startswith("bubble") for n in found.names):
-        lines.append("do not rely on bubbles yet: their intervals are often too narrow and too low")
+    said = f"{glass.name} says {found.thickness_mm:g} mm"
+    lines.append(f"absorption and bubbles are known only times the thickness; {said}")
     for h in found.held_out:
         verdict = "inside" if h.low <= h.measured <= h.high else "outside"
         lines.append(

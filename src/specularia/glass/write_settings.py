@@ -24,12 +24,13 @@ def write_inferred(
     ----------
     glass : the description to begin with.
     path : of the new one; paths in it are counted from its own folder.
-    values : by the names of `analysis.PARAMETERS`. Bubbles become one kind, placed in free flight, that keeps
+    values : by the names of `analysis.PARAMETERS`, and thickness_mm. Bubbles become one kind, placed in free flight, that keeps
         the spread of sizes and the axis of the first kind of the description.
     comment : lines for the head of the file.
     """
     glass, path = Path(glass), Path(path)
     data = load_toml(glass, GlassJob).model_dump(exclude_unset=True)
+    data["thickness_mm"] = values.get("thickness_mm", data["thickness_mm"])
     if "absorption_per_mm" in values:
         medium = data.setdefault("medium", {})
         medium.pop("spectrum", None)

@@ -21,6 +21,7 @@ LABELS: Final = {
     "bubble_elongation": "bubble\nelongation",
     "micro_slope_front": "fine slope,\nfront",
     "micro_slope_back": "fine slope,\nback",
+    "thickness_mm": "thickness (mm)",
 }
 
 
