@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from specularia import analysis, gonio
-from specularia.analysis.infer_design import SECTORS, emulate, light_in_cells, measured_light, with_values
+from specularia.analysis.emulator import emulate
+from specularia.analysis.infer_design import SECTORS, light_in_cells, measured_light, with_values
 from specularia.cli import main
 from specularia.errors import CoverageError, PhysicsError
 from specularia.glass import BubbleKind, Face, Medium, Slab, photometer, read_slab, trace_paths
@@ -61,9 +62,7 @@ def measured() -> list[Table]:
 
 @pytest.fixture(scope="module")
 def found(measured: list[Table]) -> analysis.Inferred:
-    return analysis.infer(
-        pane(), measured, seek=tuple(TRUTH), paths=30_000, seed=4, aperture_deg=APERTURE
-    )
+    return analysis.infer(pane(), measured, seek=tuple(TRUTH), paths=30_000, seed=4, aperture_deg=APERTURE)
 
 
 @pytest.mark.parametrize("name", list(TRUTH))

@@ -84,7 +84,12 @@ def _of_rays(
     ux, uy = _turned(traced.ux[straight], traced.uy[straight], phi_deg)
     arrived = np.bincount(traced.replicate, minlength=REPLICATES).astype(float)
     return shape_of_light(
-        ux, uy, traced.weight[straight], traced.replicate[straight], theta_deg=theta_deg, per_replicate=arrived
+        ux,
+        uy,
+        traced.weight[straight],
+        traced.replicate[straight],
+        theta_deg=theta_deg,
+        per_replicate=arrived,
     )
 
 

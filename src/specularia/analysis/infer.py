@@ -15,13 +15,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from specularia.analysis.emulator import Emulator, emulate
 from specularia.analysis.infer_design import (
     PARAMETERS,
     PER_LENGTH,
     SECTORS,
     THICKNESS,
-    Emulator,
-    emulate,
     measured_light,
     with_values,
 )
@@ -81,8 +80,11 @@ _REACH: Final = 1.7
 """Standard deviations of the prior that the traced designs reach on either side; beyond, the polynomial is
 not trusted and the posterior is cut off."""
 
-_STAGES: Final = 2
-"""Designs one after the other: over all of the prior, then over what the first left possible."""
+_STAGES: Final = 4
+"""Designs one after the other, at most: over all of the prior, then over what the last left possible."""
+
+_SETTLED: Final = 0.6
+"""Where no range shrinks to less than this share of itself, no further design is traced."""
 
 _ALIKE: Final = 0.5
 """Discrepancies of two cells are alike by exp(-|difference of ln(deflection)| / this); between angles of
@@ -253,7 +255,10 @@ def infer(
         data = _Data(emulator, summaries, scale_error)
         samples, discrepancy = _sample(emulator, data, kept, ranges, everything, seed, slab.thickness_mm)
         if stage < _STAGES - 1:
-            ranges = _closer(emulator.names, _at(slab.thickness_mm, seek, samples), ranges)
+            closer = _closer(emulator.names, _at(slab.thickness_mm, seek, samples), ranges)
+            if all(np.ptp(np.log(closer[n])) > _SETTLED * np.ptp(np.log(ranges[n])) for n in ranges):
+                break
+            ranges = closer
     held = []
     if hold_out:
         for k in range(1, len(summaries) - 1):
@@ -296,11 +301,11 @@ def _closer(
     names: Sequence[str], samples: Array, ranges: Mapping[str, tuple[float, float]]
 ) -> dict[str, tuple[float, float]]:
     """Ranges around what a first, coarse polynomial left possible: its 99 % interval, as much again on either
-    side, and a fifth at least."""
+    side, and a third at least."""
     found = {}
     for i, name in enumerate(names):
         low, high = np.quantile(np.log(samples[:, i]), [0.005, 0.995])
-        more = max(high - low, 0.2)
+        more = max(high - low, 0.35)
         a, b = np.log(ranges[name])
         found[name] = (float(np.exp(max(low - more, a))), float(np.exp(min(high + more, b))))
     return found
@@ -398,7 +403,9 @@ def _sample(
     some = slice(0, low.size)
     start[:, some] = np.clip(start[:, some], low + 1e-3, high - 1e-3)
     # The thickness comes last, if at all: what it moves must stay within what was traced.
-    start[:, low.size : -1] = best[low.size : -1] + rng.normal(0.0, 1e-4, (_WALKERS, best.size - 1 - low.size))
+    start[:, low.size : -1] = best[low.size : -1] + rng.normal(
+        0.0, 1e-4, (_WALKERS, best.size - 1 - low.size)
+    )
     start[:, -1] = np.maximum(start[:, -1], np.log(1.02 * _LEAST_DISCREPANCY))
     sampler = emcee.EnsembleSampler(_WALKERS, best.size, log_posterior, vectorize=True)
     sampler._random = np.random.RandomState(np.random.MT19937(np.random.SeedSequence([seed, 6])))

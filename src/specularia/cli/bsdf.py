@@ -253,7 +253,10 @@ def convert(
     file: File,
     output: Annotated[Path, typer.Option("-o", "--output", help="The .xml file to write.")],
     basis: Annotated[
-        BasisName | None, typer.Option("--basis", help="The file's own unless given; for .nc tensor3, or tensor4 if anisotropic.")
+        BasisName | None,
+        typer.Option(
+            "--basis", help="The file's own unless given; for .nc tensor3, or tensor4 if anisotropic."
+        ),
     ] = None,
     resolution: Annotated[
         int | None, typer.Option("--resolution", min=2, max=9, help="2^g cells along an edge of a tree.")
