@@ -186,8 +186,8 @@ def test_relief_finer_than_waves_see_bends_rays_only() -> None:
         pane, lit, order=("tree", "endless", "diffraction"), paths=64_000, aperture_deg=APERTURE
     )
     step = found.steps[-1]
-    # Half of the places of a sinusoid are steeper than sin 45 degrees of its steepest; what is reflected inside
-    # widens the lobe by two parts in a hundred.
+    # Half of the places of a sinusoid are steeper than sin 45 degrees of its steepest; what is reflected
+    # inside widens the lobe by two parts in a hundred.
     steepest = np.degrees((n - 1.0) * 2.0 * np.pi * height / period)
     assert step.before[0, 1] == pytest.approx(2.0 * np.sin(np.radians(45.0)) * steepest, rel=0.03)
     assert (np.pi * (n - 1.0) * height / wavelength) ** 2 < 0.02  # nearly all goes straight on
@@ -197,9 +197,10 @@ def test_relief_finer_than_waves_see_bends_rays_only() -> None:
 
 
 def test_where_the_wave_model_does_not_hold_its_step_is_left_open(budget: analysis.Budget) -> None:
+    lit = tables(pane(), 20_000)
     graze = analysis.explain(
         pane(),
-        tables(pane(), paths=20_000) + [replace(tables(pane(), 20_000)[1], theta_i_deg=75.0)],
+        [*lit, replace(lit[1], theta_i_deg=75.0)],
         order=("endless", "diffraction"),
         paths=6400,
         aperture_deg=APERTURE,
@@ -210,7 +211,7 @@ def test_where_the_wave_model_does_not_hold_its_step_is_left_open(budget: analys
     with pytest.raises(CoverageError, match="up to 40 degrees"):
         analysis.explain(
             pane(),
-            [replace(tables(pane(), 20_000)[1], theta_i_deg=75.0)],
+            [replace(lit[1], theta_i_deg=75.0)],
             order=("diffraction",),
             paths=6400,
             aperture_deg=APERTURE,

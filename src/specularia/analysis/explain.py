@@ -111,9 +111,9 @@ class Budget:
     measured, measured_se : [A, 3]; the error of tau only, from noise and bounds of the instrument.
     swapped : the two steps with the largest effect on tau, taken in the other order: the later one in the
         place of the earlier, and the earlier one in the place of the later.
-    l1, l1_noise : [A] distance of the last state, without diffraction, from the table, integral of |difference
-        of cell means| over tau on cells of direction cosines (`gonio.cross_validation.distance`), and the same of noise alone:
-        that of the table, and that of tracing from two halves of the paths.
+    l1, l1_noise : [A] distance of the last state, without diffraction, from the table, integral of
+        |difference of cell means| over tau on cells of direction cosines (`gonio.cross_validation.distance`),
+        and the same of noise alone: that of the table, and that of tracing from two halves of the paths.
     synthetic : whether pane or tables are.
     """
 

@@ -204,9 +204,9 @@ def infer(
     slab : the pane with its maps, index and thickness. Where bubbles are sought, its first kind says how
         their sizes spread and along which axis they are drawn out; of a pane without any, one size along y.
     tables : measured transmission of light on the front; two angles at least.
-    seek : names of `PARAMETERS`, and "thickness_mm" where it is not known well: what light tells is its product
-        with absorption and bubbles, so its prior (a calliper's 3 % around the pane's unless given) stays, and
-        widens theirs.
+    seek : names of `PARAMETERS`, and "thickness_mm" where it is not known well: what light tells is its
+        product with absorption and bubbles, so its prior (a calliper's 3 % around the pane's unless given)
+        stays, and widens theirs.
     priors : in place of those of `PRIORS`, by name.
     scale_error : relative standard error of the scale that all tables share (calibration).
     hold_out : whether each table but the first and the last is predicted from the others.

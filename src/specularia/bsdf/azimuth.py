@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from specularia.bsdf.cells import cell_means, is_isotropic
@@ -71,7 +73,7 @@ def _turned_table(model: TabulatedModel, side: str) -> SideTable:
     tau = np.array([np.mean(model.direct_hemispherical(side, float(t), phi)) for t in theta])
     spans = list(zip(first, last))
 
-    def together(error: Array | None) -> Array | None:
+    def together(error: Any) -> Any:
         if error is None:
             return None
         squares = [np.sum(np.square(error[a:b], dtype=float), axis=0) / (b - a) ** 2 for a, b in spans]
@@ -79,7 +81,6 @@ def _turned_table(model: TabulatedModel, side: str) -> SideTable:
 
     base_se, patch_se = together(table.base_se), together(table.patch_se)
     tau_se = together(np.asarray(table.tau_se, float))
-    assert tau_se is not None
     return SideTable(
         theta_i_deg=theta,
         base=base,
@@ -94,7 +95,7 @@ def _turned_table(model: TabulatedModel, side: str) -> SideTable:
     )
 
 
-def _mean_at(model: TabulatedModel, side: str, theta: float, phi_deg: Array, x: Array, y: Array) -> Array:
+def _mean_at(model: TabulatedModel, side: str, theta: float, phi_deg: Any, x: Array, y: Array) -> Array:
     """Mean over azimuths of the BSDF at (x, y) of the frame turned so that the light comes from phi_i = 0."""
     total = np.zeros(x.shape)
     for p in phi_deg:

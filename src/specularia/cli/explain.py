@@ -27,8 +27,8 @@ def explain(
             "--order",
             metavar="STEP,...",
             help="Steps in their order; those not named are left out. Without it all: endless, polarisation, "
-            "absorption, bubbles, micro-relief, diffraction (not of synthetic tables, which rays made), tree, "
-            "instrument.",
+            "absorption, bubbles, micro-relief, diffraction (not for synthetic tables, which rays made), "
+            "tree, instrument.",
         ),
     ] = None,
     patch: Annotated[float, typer.Option("--patch-mm", help="Width of the published finite patch.")] = 8.4,

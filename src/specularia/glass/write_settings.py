@@ -24,8 +24,8 @@ def write_inferred(
     ----------
     glass : the description to begin with.
     path : of the new one; paths in it are counted from its own folder.
-    values : by the names of `analysis.PARAMETERS`, and thickness_mm. Bubbles become one kind, placed in free flight, that keeps
-        the spread of sizes and the axis of the first kind of the description.
+    values : by the names of `analysis.PARAMETERS`, and thickness_mm. Bubbles become one kind, placed in free
+        flight, that keeps the spread of sizes and the axis of the first kind of the description.
     comment : lines for the head of the file.
     """
     glass, path = Path(glass), Path(path)
