@@ -385,9 +385,9 @@ def density(
     dense, wider where it would hold fewer than about `least_paths` of them, and at most 6 degrees (standard
     deviation); so wide a response raises what it reads where the light falls off steeply (30 % where it falls
     to a third within 9 degrees). A path that leaves at v adds w K(v' - v) / C(v) to the BSDF at v', where C,
-    the integral of K cos over the hemisphere, makes it carry the light w, at the horizon too. What the kernels
-    make of a constant BSDF is known and divided out, and a last factor, within a few parts in a thousand of 1,
-    makes the integral exactly sum(w) / paths.
+    the integral of K cos over the hemisphere, makes it carry the light w, at the horizon too. What the
+    kernels make of a constant BSDF is known and divided out, and a last factor, within a few parts in a
+    thousand of 1, makes the integral exactly sum(w) / paths.
 
     Parameters
     ----------
