@@ -285,7 +285,7 @@ def _directions(i: int, j: int, n: int, k: int) -> tuple[Array, Array]:
 
 
 def _anisotropic(model: ScatteringModel, side: str, *, resolution: int, made: dict[str, _Filled]) -> _Filled:
-    """Cells [n, n, n, n], each incident one of 2 x 2 directions, and what rows and columns add up to.
+    """Cells [n, n, n, n], each incident one of up to 2 x 2 directions, and what rows and columns add up to.
 
     What is in `made` is not made again; the side is added to it.
     """
@@ -309,15 +309,20 @@ def _each_direction(
     rows = incident_tau(model, side, resolution=resolution)
     if not np.isfinite(rows).all():
         raise PhysicsError(f"the model has no data for {side.replace('_', ' ')} in some incident cells.")
-    means = TabulatedMeans(model, side, n=n, sparse=True) if isinstance(model, TabulatedModel) else None
+    # The finer the cells, the less a distribution changes within one.
+    tables = isinstance(model, TabulatedModel)
+    means = TabulatedMeans(model, side, n=n, sparse=2.0 if n <= 32 else 4.0) if tables else None
+    within = [0, 1, 2, 3] if n <= 32 or not tables else [0, 3] if n <= 64 else [0]
     cells = np.zeros((n, n, n, n), np.float32)
     for i in range(n):
         for j in range(n):
-            for theta, phi in zip(*_directions(i, j, n, 2)):
+            theta, phi = _directions(i, j, n, 2 if len(within) > 1 else 1)
+            for k in within:
                 if means is None:
-                    cells[i, j] += 0.25 * _square_means(model, side, float(theta), float(phi), n)
+                    mean = _square_means(model, side, float(theta[k]), float(phi[k]), n)
                 else:
-                    cells[i, j] += 0.25 * means.at(float(theta), float(phi))[::-1]
+                    mean = means.at(float(theta[k]), float(phi[k]))[::-1]
+                cells[i, j] += mean / len(within)
     columns, other = None, _opposite(side)
     if other in model.sides and not _follows(model, other):
         columns = incident_tau(model, other, resolution=resolution)[::-1, ::-1]

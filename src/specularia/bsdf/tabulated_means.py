@@ -33,18 +33,17 @@ class TabulatedMeans:
     model : any tabulated model.
     side : one of its sides, those by reciprocity included where the model is isotropic.
     n : cells along an edge of the Shirley-Chiu square.
-    sparse : half as many points along an edge, for cells that are averaged over several incident directions.
+    sparse : by how much fewer points along an edge, for cells that are averaged over incident directions too.
     """
 
-    def __init__(self, model: TabulatedModel, side: str, *, n: int, sparse: bool = False) -> None:
+    def __init__(self, model: TabulatedModel, side: str, *, n: int, sparse: float = 1.0) -> None:
         self.model, self.side, self.n = model, side, n
         self.reciprocal = side not in model.tables
         self._prepared = model._prepared(side)
         self.table = self._prepared.table
-        step = 2.0 if sparse else 1.0
-        self._near = int(np.clip(1.0 / (step * n * _SPACING), 4, 16 / step))
+        self._near = int(np.clip(1.0 / (sparse * n * _SPACING), 4, 16 / sparse))
         # Between the centres of four cells of the coarse table one point has the mean of them.
-        self._far = int(np.clip(np.ceil(self._prepared.base.shape[1] / (2 * step * n)), 1, 4 / step))
+        self._far = int(np.clip(np.ceil(self._prepared.base.shape[1] / (2 * sparse * n)), 1, 4 / sparse))
         k = (np.arange(n * self._far) + 0.5) / (n * self._far)
         x, y = square_to_disk(*np.meshgrid(k, k, indexing="ij"))
         self._x, self._y = (self._cell_by_cell(v) for v in (x, y))
