@@ -92,7 +92,9 @@ def table_1(work: Work) -> Mapping[str, Any]:
         "rows": dict(zip(result.rows, result.tau)),
         "ratio": dict(zip(result.rows, result.ratio)),
         "blocks": [
-            drawn_table(tables.transmission_table(result, caption), synthetic=synthetic, csv=csv.name),
+            drawn_table(
+                tables.transmission_table(result, caption), synthetic=synthetic, csv=csv.name, like="Table 1"
+            ),
             figure(picture, drawn, synthetic=synthetic),
         ],
     }
@@ -108,24 +110,29 @@ def dsf(work: Work) -> Mapping[str, Any]:
     theta = work.parameters["theta_deg"]
     synthetic = any(work.summary(name)["synthetic"] for name in work.results)
     angles = ", ".join(f"{t:g}" for t in theta)
-    picture = figures.dsf(models, theta, work.folder / "dsf.png", side=SIDE, synthetic=synthetic)
+    # The lobe of a healed pane is far narrower and higher; on one scale the others would be dark.
+    parts = [
+        {name: m for name, m in models.items() if (name == "H") is healed} for healed in (False, True)
+    ]
+    blocks = []
+    for part, stem, like in zip(parts, ("dsf", "dsf_healed"), ("Fig. 9", "")):
+        if not part:
+            continue
+        picture = figures.dsf(part, theta, work.folder / f"{stem}.png", side=SIDE, synthetic=synthetic)
+        order = "from top to bottom of" if len(part) > 1 else "of"
+        names = f"{order} Model {', '.join(part)}"
+        caption = (
+            f"Differential scattering function, {names}, at theta_i = {angles} degrees, seen from the front, "
+            "on one logarithmic scale of five decades. The cross marks where undeflected light leaves; each "
+            "pixel is a mean over its solid angle."
+            + (" An angle that was not measured is interpolated by Model M." if "M" in part else "")
+            + (" The healed pane, on a scale of its own." if stem == "dsf_healed" else "")
+        )
+        blocks.append(figure(picture, caption, synthetic=synthetic, like=like))
     cut = figures.sections(models, theta, work.folder / "sections.png", side=SIDE, synthetic=synthetic)
-    return {
-        "synthetic": synthetic,
-        "blocks": [
-            figure(
-                picture,
-                f"Differential scattering function, from top to bottom of Model {', '.join(models)}, at "
-                f"theta_i = {angles} degrees, seen from the front, on one logarithmic scale of five decades. "
-                "The cross marks where undeflected light leaves."
-                + (" An angle that was not measured is interpolated by Model M." if "M" in models else ""),
-                synthetic=synthetic,
-            ),
-            figure(
-                cut,
-                f"The same in the plane of incidence, theta_i = {angles} degrees; undeflected light leaves "
-                "at -theta_i.",
-                synthetic=synthetic,
-            ),
-        ],
-    }
+    caption = (
+        f"All models in the plane of incidence, theta_i = {angles} degrees; undeflected light leaves at "
+        "-theta_i. What flickers in a traced model is the noise of its paths."
+    )
+    blocks.append(figure(cut, caption, synthetic=synthetic))
+    return {"synthetic": synthetic, "blocks": blocks}
