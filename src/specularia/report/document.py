@@ -22,7 +22,7 @@ from specularia.report.style import DPI, numbers_beside
 
 __all__ = ["page"]
 
-_EMBED: Final = 1_500_000
+_EMBED: Final = 500_000
 """Bytes up to which a file of numbers is embedded; larger ones are linked beside the page."""
 
 _MEDIA: Final = {".csv": "text/csv;charset=utf-8", ".npz": "application/zip"}
@@ -39,7 +39,7 @@ def page(
     """Write one HTML page that opens offline: no request leaves it, and its content-security policy says so.
 
     Figures (and embedded views) are numbered in their order, tables likewise. Pictures are embedded; so are
-    files of numbers up to 1.5 MB, larger ones are linked by their path relative to the page. Each is named
+    files of numbers up to 0.5 MB, larger ones are linked by their path relative to the page. Each is named
     with its path, which stands on paper as well. Text is escaped.
 
     Parameters

@@ -215,7 +215,7 @@ class ExplainOptions(Job):
     """Of the tensor tree that it begins with."""
     aperture_deg: Annotated[float, Field(ge=0.3, le=10.0)] = 0.3
     """Full width at half maximum of the instrument's angular response."""
-    unsure: dict[Literal["absorption", "bubbles", "micro-relief"], RelativeError] = {}
+    unsure: dict[Literal["absorption", "bubbles", "micro-relief"], RelativeError] = Field({})
     """Relative standard errors of what these steps bring in, as { absorption = 0.1 }."""
     paths: Annotated[int, Field(ge=1000)] = 400_000
     """For each state and angle."""
@@ -229,7 +229,7 @@ class InferOptions(Job):
     of [glass] if left out."""
     seek: Annotated[tuple[ParameterName, ...], Field(min_length=1)] | None = None
     """What to infer; everything if left out."""
-    priors: dict[ParameterName, tuple[float, float]] = {}
+    priors: dict[ParameterName, tuple[float, float]] = Field({})
     """Lognormal priors in place of the built-in ones: median, and standard deviation of the natural
     logarithm, as { absorption_per_mm = [0.05, 0.7] }."""
     scale_error: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.005

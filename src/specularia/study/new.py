@@ -237,7 +237,7 @@ def _text(found: _Found, unknown: Sequence[Path], written: set[str]) -> str:
         "# The specimen over a printed sheet, seen through each model.\n"
         + section(
             "fragment",
-            ['# settings = "fragment.toml" # FRAGMENT.toml; left out: its defaults, with an invented outline'],
+            ['# settings = "fragment.toml" # FRAGMENT.toml; left out: defaults, with an invented outline'],
             False,
         ),
         "# The room that each model is put into.\n"

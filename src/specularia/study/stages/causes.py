@@ -205,7 +205,7 @@ def _held_out(work: Work, found: Inferred) -> dict[str, Any]:
     numbers = [[getattr(h, n) for n in _HELD_OUT] for h in found.held_out]
     return table(
         work.folder / "held_out.csv",
-        ["theta_i (°)", "measured τ", "predicted", "95 % interval", "measured is"],
+        ["θᵢ (°)", "measured τ", "predicted", "95 % interval", "measured is"],
         rows,
         "Each inner angle left out in turn: transmission predicted by panes inferred from the other angles.",
         numbers=(columns, numbers),

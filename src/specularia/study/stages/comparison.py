@@ -66,9 +66,10 @@ def table_1(work: Work) -> Mapping[str, Any]:
     light = f"{given['wavelength_nm']:g} nm"
     caption = (
         f"Direct-hemispherical transmission at {result.band}, light arriving on the front, with standard "
-        f"errors. Clear slab: two parallel smooth faces of index {given['index']:.4g} at {light} without "
-        "absorption, all reflections between them, polarisation kept, in closed form. * beyond the last "
-        "angle of the model's data."
+        "errors (of noise for the measurement and the model fitted to it, of tracing for a traced one; not "
+        "those of what is put into a model), and ratios to the measurement. Clear slab: two parallel smooth "
+        f"faces of index {given['index']:.4g} at {light} without absorption, all reflections between them, "
+        "polarisation kept, in closed form. * beyond the last angle of the model's data."
     )
     fine = np.linspace(0.0, 89.5, 180)
     curve = flat_slab(fine, index=given["index"], absorption_per_mm=0.0, thickness_mm=given["thickness_mm"])[
@@ -111,9 +112,7 @@ def dsf(work: Work) -> Mapping[str, Any]:
     synthetic = any(work.summary(name)["synthetic"] for name in work.results)
     angles = ", ".join(f"{t:g}" for t in theta)
     # The lobe of a healed pane is far narrower and higher; on one scale the others would be dark.
-    parts = [
-        {name: m for name, m in models.items() if (name == "H") is healed} for healed in (False, True)
-    ]
+    parts = [{name: m for name, m in models.items() if (name == "H") is healed} for healed in (False, True)]
     blocks = []
     for part, stem, like in zip(parts, ("dsf", "dsf_healed"), ("Fig. 9", "")):
         if not part:
@@ -122,7 +121,7 @@ def dsf(work: Work) -> Mapping[str, Any]:
         order = "from top to bottom of" if len(part) > 1 else "of"
         names = f"{order} Model {', '.join(part)}"
         caption = (
-            f"Differential scattering function, {names}, at theta_i = {angles} degrees, seen from the front, "
+            f"Differential scattering function, {names}, at θᵢ = {angles}°, seen from the front, "
             "on one logarithmic scale of five decades. The cross marks where undeflected light leaves; each "
             "pixel is a mean over its solid angle."
             + (" An angle that was not measured is interpolated by Model M." if "M" in part else "")
@@ -131,8 +130,8 @@ def dsf(work: Work) -> Mapping[str, Any]:
         blocks.append(figure(picture, caption, synthetic=synthetic, like=like))
     cut = figures.sections(models, theta, work.folder / "sections.png", side=SIDE, synthetic=synthetic)
     caption = (
-        f"All models in the plane of incidence, theta_i = {angles} degrees; undeflected light leaves at "
-        "-theta_i. What flickers in a traced model is the noise of its paths."
+        f"All models in the plane of incidence, θᵢ = {angles}°; undeflected light leaves at "
+        "-θᵢ. What flickers in a traced model is the noise of its paths."
     )
     blocks.append(figure(cut, caption, synthetic=synthetic))
     return {"synthetic": synthetic, "blocks": blocks}

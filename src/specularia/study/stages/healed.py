@@ -155,7 +155,7 @@ def model_h(work: Work) -> Mapping[str, Any]:
         ]
         for k, theta in enumerate(pane.theta_deg)
     ]
-    header = ["theta_i (°)", "tau", "90 % interval", "FWHM of the lobe (°)", "90 % interval"]
+    header = ["θᵢ (°)", "τ", "90 % interval", "FWHM of the lobe (°)", "90 % interval"]
     caption = (
         f"The healed pane, traced with each of {len(pane.Sdq)} possible pairs of faces: mean and 90 % "
         "interval of the direct-hemispherical transmission and of the full width at half maximum of the "

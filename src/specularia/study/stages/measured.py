@@ -46,7 +46,7 @@ def measured(work: Work) -> Mapping[str, Any]:
         ]
         for s in summaries
     ]
-    header = ["file", "holds", "theta_i, phi_i (°)", "points", "coverage", "tau or rho"]
+    header = ["file", "holds", "θᵢ, φᵢ (°)", "points", "coverage", "τ or ρ"]
     caption = (
         f"The measured tables ({bands}) and their direct-hemispherical integrals with the standard error of "
         "their noise, from the points themselves. Incident directions as in the files; coverage is of the "
@@ -79,14 +79,14 @@ def measured(work: Work) -> Mapping[str, Any]:
     ]
     csv = work.folder / "measured_tables.csv"
     blocks = [table(csv, header, rows, caption, numbers=(columns, numbers), synthetic=synthetic)]
-    for s in summaries:
-        if s.warnings:
-            blocks.append(text(f"{s.table.label}: {'; '.join(s.warnings)}."))
+    remarks = [f"{s.table.label}: {'; '.join(s.warnings)}." for s in summaries if s.warnings]
+    if remarks:
+        blocks.append(text(f"Of the tables. {' '.join(remarks)}"))
     shown = ([t for t in tables if t.kind == "transmission"] or tables)[:_PANELS]
     picture = figures.measured_dsf(shown, work.folder / "measured_dsf.png", synthetic=synthetic)
     angles = ", ".join(f"{t.theta_i_deg:g}" for t in shown)
     caption = (
-        f"Measured differential scattering function at theta_i = {angles} degrees, seen from the front, on "
+        f"Measured differential scattering function at θᵢ = {angles}°, seen from the front, on "
         "one logarithmic scale of five decades: the points as they lie, neither cleaned nor interpolated. "
         "Hatched: no data. The cross marks where undeflected light leaves."
     )

@@ -46,11 +46,11 @@ def write_model(work: Work, name: str, model: TabulatedModel, *, synthetic: bool
         name=f"specularia model {name}",
     )
     lines = [_row(side, tree, model.tables.get(side)) for side, tree in written.trees.items()]
-    header = ["side", "origin", "theta_i (°)", "cells merged in the XML", "tau or rho of the XML off by"]
+    header = ["side", "origin", "θᵢ (°)", "cells merged in the XML", "τ or ρ of the XML off by"]
     caption = (
         f"Model {name}, band {model.band}: its sides, the angles of incidence of its data, and its "
         f"Radiance file (tensor tree of resolution {work.parameters['resolution']}): the share of cells "
-        "that were merged, and the largest difference of tau or rho from the model's mean over an "
+        "that were merged, and the largest difference of τ or ρ from the model's mean over an "
         "incidence bin. Files: model.nc, model.xml."
     )
     return {
@@ -82,7 +82,7 @@ def _row(side: str, tree: Built, held: SideTable | None) -> tuple[list[str], lis
         angles = f"{known[0]}: {known[1]:g} to {known[2]:g}"
         origin = held.origin
     merged, off = 100 * float(tree.removed), float(abs(tree.tau_tree - tree.tau_model).max())
-    shown = [side.replace("_", " "), origin, angles, f"{merged:.0f} %", f"{off:.4f}"]
+    shown = [side.replace("_", " "), origin, angles, f"{merged:.0f} %", f"{off:.1e}"]
     return shown, [side, origin, *known, merged, off]
 
 

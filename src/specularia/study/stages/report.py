@@ -86,9 +86,7 @@ def _opening(note: str, synthetic: list[str]) -> list[str]:
     if synthetic:
         texts.append(
             "Synthetic: the specimen of this study was made by a computer program, and so were its "
-            "measurements. What follows from it is labelled synthetic. Stages concerned: "
-            + ", ".join(synthetic)
-            + "."
+            "measurements. What follows from it is labelled synthetic, here and in every figure."
         )
     texts.append(
         f"Figures and tables follow the order of the published study “{_PUBLISHED}” as far as this study has "

@@ -47,6 +47,22 @@ def room(work: Work) -> Mapping[str, Any]:
     places = list(dict.fromkeys(p.name for p in lit.points))
     rows = [[place, *(_reading(value[place, m]) for m in names)] for place in places]
     blocks = []
+    for view in dict.fromkeys(i.name for i in lit.images):
+        images = [i for i in lit.images if i.name == view]
+        stem = "luminance_" + "".join(c if c.isalnum() else "_" for c in view)
+        picture = figures.luminance_maps(
+            images,
+            work.folder / f"{stem}.png",
+            points=lit.points,
+            synthetic=synthetic,
+        )
+        shown = " and ".join(f"Model {i.model}" for i in images)
+        caption = (
+            f"Luminance (cd/m²) of the view “{view}” with {shown} in the window, on one fixed logarithmic "
+            "scale, with isolines; numbers are illuminances (lx) at the named points, with standard errors in "
+            "the table below."
+        )
+        blocks.append(figure(picture, caption, synthetic=synthetic, like="Fig. 11"))
     if rows:
         caption = (
             "Illuminance (lx) at the named points, direct and interreflected, with the standard error of the "
@@ -78,21 +94,6 @@ def room(work: Work) -> Mapping[str, Any]:
     numbers = [[p.window, p.model, p.view, p.luminance_cd_m2, p.exitance_lm_m2] for p in lit.panes]
     csv = work.folder / "panes.csv"
     blocks.append(table(csv, header, panes, caption, numbers=(columns, numbers), synthetic=synthetic))
-    for view in dict.fromkeys(i.name for i in lit.images):
-        images = [i for i in lit.images if i.name == view]
-        stem = "luminance_" + "".join(c if c.isalnum() else "_" for c in view)
-        picture = figures.luminance_maps(
-            images,
-            work.folder / f"{stem}.png",
-            points=lit.points,
-            synthetic=synthetic,
-        )
-        shown = " and ".join(f"Model {i.model}" for i in images)
-        caption = (
-            f"Luminance (cd/m²) of the view “{view}” with {shown} in the window, on one fixed logarithmic "
-            "scale, with isolines; numbers are illuminances (lx) at the named points."
-        )
-        blocks.append(figure(picture, caption, synthetic=synthetic, like="Fig. 11"))
     blocks += _grids(lit, work.folder, synthetic) + _glare(lit, work.folder, synthetic)
     return {
         "synthetic": synthetic,

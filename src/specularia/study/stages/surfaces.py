@@ -65,7 +65,7 @@ def surfaces(work: Work) -> Mapping[str, Any]:
     maps = {face: surface.read(file) for face, file in map_files(work).items()}
     said = {face: work.summary(f"heights_{face}") for face in maps}
     synthetic = any(s["synthetic"] for s in said.values())
-    header = ["face", "from", "pixels", "pitch (um)", "range (um)", "Sq (um)", "Sdq", "missing", "sigma (um)"]
+    header = ["face", "from", "pixels", "pitch (µm)", "range (µm)", "Sq (µm)", "Sdq", "missing", "σ (µm)"]
     rows = [
         [
             face,
@@ -83,7 +83,7 @@ def surfaces(work: Work) -> Mapping[str, Any]:
     named = ", ".join(f"{face}: {s['source']}" for face, s in said.items())
     caption = (
         f"The faces of the slab ({named}). Range: highest minus lowest point; Sq: rms height; Sdq: rms "
-        "slope (ISO 25178-2); sigma: rms standard uncertainty of a height, from the stack's own noise."
+        "slope (ISO 25178-2); σ: rms standard uncertainty of a height, from the stack's own noise."
     )
     columns = [
         "face",
@@ -97,15 +97,13 @@ def surfaces(work: Work) -> Mapping[str, Any]:
         "missing",
         "rms_sigma_um",
     ]
-    numbers = [
-        [*row[:2], *said[face]["shape"][::-1], *row[3:]] for face, row in zip(said, rows, strict=True)
-    ]
+    numbers = [[*row[:2], *said[face]["shape"][::-1], *row[3:]] for face, row in zip(said, rows, strict=True)]
     csv = work.folder / "faces.csv"
     blocks = [table(csv, header, rows, caption, numbers=(columns, numbers), synthetic=synthetic)]
     picture = figures.height_maps(maps, work.folder / "height_maps.png", synthetic=synthetic)
     caption = (
         "Height maps of the faces, each as its microscope saw it: x to the right, y up, heights positive "
-        "out of the glass."
+        "out of the glass. Uncertainty of a height: σ in the table above."
     )
     blocks.append(figure(picture, caption, synthetic=synthetic, like="Fig. 7"))
     images = {face: image for face in maps if (image := _image(work, face, maps[face])) is not None}
