@@ -59,8 +59,8 @@ def room(work: Work) -> Mapping[str, Any]:
         shown = " and ".join(f"Model {i.model}" for i in images)
         caption = (
             f"Luminance (cd/m²) of the view “{view}” with {shown} in the window, on one fixed logarithmic "
-            "scale, with isolines; numbers are illuminances (lx) at the named points, with standard errors in "
-            "the table below."
+            "scale, with isolines; numbers are illuminances (lx) at the named points, with standard errors "
+            "in the table below."
         )
         blocks.append(figure(picture, caption, synthetic=synthetic, like="Fig. 11"))
     if rows:
