@@ -99,7 +99,16 @@ def surfaces(work: Work) -> Mapping[str, Any]:
     ]
     numbers = [[*row[:2], *said[face]["shape"][::-1], *row[3:]] for face, row in zip(said, rows, strict=True)]
     csv = work.folder / "faces.csv"
-    blocks = [table(csv, header, rows, caption, numbers=(columns, numbers), synthetic=synthetic)]
+    face, height_map = list(maps.items())[-1]
+    drawn = figures.relief(height_map, work.folder / "relief.png", synthetic=synthetic)
+    words = (
+        f"The relief of the {face} in parallel projection, drawn as clay; heights are exaggerated as the "
+        "figure says."
+    )
+    blocks = [
+        table(csv, header, rows, caption, numbers=(columns, numbers), synthetic=synthetic),
+        figure(drawn, words, synthetic=synthetic, like="Fig. 5c"),
+    ]
     picture = figures.height_maps(maps, work.folder / "height_maps.png", synthetic=synthetic)
     caption = (
         "Height maps of the faces, each as its microscope saw it: x to the right, y up, heights positive "
