@@ -391,8 +391,8 @@ def _folder(page: Path, stage: str) -> str:
 
 
 def test_on_paper_the_view_is_a_picture_and_nothing_is_cut(built: Path, browse) -> None:
-    # A4 less the margins of the print rules, at 96 dots per inch.
-    width, height = round(178 / 25.4 * 96), round(261 / 25.4 * 96)
+    # As wide as A4 and as high as Letter, less the margins of the print rules, at 96 dots per inch.
+    width, height = round(178 / 25.4 * 96), round(243 / 25.4 * 96)
     html, log = browse(acting(built, LOOK, printed=True), width=width)
     assert "CONSOLE" not in log
     found = seen_by(html)

@@ -111,23 +111,22 @@ def dsf(work: Work) -> Mapping[str, Any]:
     theta = work.parameters["theta_deg"]
     synthetic = any(work.summary(name)["synthetic"] for name in work.results)
     angles = ", ".join(f"{t:g}" for t in theta)
-    # The lobe of a healed pane is far narrower and higher; on one scale the others would be dark.
-    parts = [{name: m for name, m in models.items() if (name == "H") is healed} for healed in (False, True)]
-    blocks = []
-    for part, stem, like in zip(parts, ("dsf", "dsf_healed"), ("Fig. 9", "")):
-        if not part:
-            continue
-        picture = figures.dsf(part, theta, work.folder / f"{stem}.png", side=SIDE, synthetic=synthetic)
-        order = "from top to bottom of" if len(part) > 1 else "of"
-        names = f"{order} Model {', '.join(part)}"
-        caption = (
-            f"Differential scattering function, {names}, at θᵢ = {angles}°, seen from the front, "
-            "on one logarithmic scale of five decades. The cross marks where undeflected light leaves; each "
-            "pixel is a mean over its solid angle."
-            + (" An angle that was not measured is interpolated by Model M." if "M" in part else "")
-            + (" The healed pane, on a scale of its own." if stem == "dsf_healed" else "")
+    # The lobe of a healed pane is a dot in a hemisphere, and the others would be dark beside it.
+    wide = {name: m for name, m in models.items() if name != "H"} or models
+    picture = figures.dsf(wide, theta, work.folder / "dsf.png", side=SIDE, synthetic=synthetic)
+    order = "from top to bottom of" if len(wide) > 1 else "of"
+    caption = (
+        f"Differential scattering function, {order} Model {', '.join(wide)}, at θᵢ = {angles}°, seen from "
+        "the front, on one logarithmic scale of five decades. The cross marks where undeflected light leaves; "
+        "each pixel is a mean over its solid angle."
+        + (" An angle that was not measured is interpolated by Model M." if "M" in wide else "")
+        + (
+            " Model H is left to the next figure: its lobe is too narrow for this one."
+            if wide != models
+            else ""
         )
-        blocks.append(figure(picture, caption, synthetic=synthetic, like=like))
+    )
+    blocks = [figure(picture, caption, synthetic=synthetic, like="Fig. 9")]
     cut = figures.sections(models, theta, work.folder / "sections.png", side=SIDE, synthetic=synthetic)
     caption = (
         f"All models in the plane of incidence, θᵢ = {angles}°; undeflected light leaves at "
