@@ -117,8 +117,8 @@ def dsf(work: Work) -> Mapping[str, Any]:
     order = "from top to bottom of" if len(wide) > 1 else "of"
     caption = (
         f"Differential scattering function, {order} Model {', '.join(wide)}, at θᵢ = {angles}°, seen from "
-        "the front, on one logarithmic scale of five decades. The cross marks where undeflected light leaves; "
-        "each pixel is a mean over its solid angle."
+        "the front, on one logarithmic scale of five decades. The cross marks where undeflected light "
+        "leaves; each pixel is a mean over its solid angle."
         + (" An angle that was not measured is interpolated by Model M." if "M" in wide else "")
         + (
             " Model H is left to the next figure: its lobe is too narrow for this one."
