@@ -40,8 +40,8 @@ _TITLES = {
 }
 """Sections of the page: what the published study has, in its order, then what goes beyond it."""
 
-_PUBLISHED = "Daylight scattering by late antique window glass from Ephesus"
-"""Title of the study whose figures and tables the page follows."""
+_PUBLISHED = "“Daylight scattering by late antique window glass from Ephesus” (CHNT 24, Vienna, 2019)"
+"""The study whose figures and tables the page follows."""
 
 
 def report(work: Work) -> Mapping[str, Any]:
@@ -89,10 +89,10 @@ def _opening(note: str, synthetic: list[str]) -> list[str]:
             "measurements. What follows from it is labelled synthetic, here and in every figure."
         )
     texts.append(
-        f"Figures and tables follow the order of the published study “{_PUBLISHED}” as far as this study has "
-        "the data, and captions name the counterpart there; what goes beyond it comes after. The numbers of "
-        "every figure and table are in the file named below it, which also lies beside this page. The "
-        "provenance of all is at the end."
+        f"Figures and tables follow the order of the published study {_PUBLISHED} as far as "
+        "this study has the data, and captions name the counterpart there; what goes beyond it comes "
+        "after. The numbers of every figure and table are in the file that its caption names, which also "
+        "lies beside this page. The provenance of all is at the end."
     )
     return texts
 
