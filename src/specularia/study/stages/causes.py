@@ -180,7 +180,7 @@ def _parameters(work: Work, found: Inferred) -> dict[str, Any]:
         numbers.append(["bubbles per cm² of the pane", mid, low, high, None, None])
     return table(
         work.folder / "inferred.csv",
-        ["parameter", "median", "2.5 %", "97.5 %", "prior median", "prior σ of ln"],
+        ["parameter", "median", "95 % from", "95 % to", "prior median", "prior σ of ln"],
         [[n, *("–" if v is None else f"{v:.4g}" for v in values)] for n, *values in numbers],
         "Posterior and lognormal prior of each parameter: median and the ends of the 95 % interval. "
         "Files: samples.csv, and glass.toml, the pane with the medians.",
