@@ -190,7 +190,7 @@ def _parameters(work: Work, found: Inferred) -> dict[str, Any]:
 
 
 def _held_out(work: Work, found: Inferred) -> dict[str, Any]:
-    """Transmission at angles that were left out."""
+    """Light at angles that were left out."""
     rows = [
         [
             f"{h.theta_deg:g}",
@@ -205,9 +205,11 @@ def _held_out(work: Work, found: Inferred) -> dict[str, Any]:
     numbers = [[getattr(h, n) for n in _HELD_OUT] for h in found.held_out]
     return table(
         work.folder / "held_out.csv",
-        ["θᵢ (°)", "measured τ", "predicted", "95 % interval", "measured is"],
+        ["θᵢ (°)", "measured", "predicted", "95 % interval", "measured is"],
         rows,
-        "Each inner angle left out in turn: transmission predicted by panes inferred from the other angles.",
+        "Each inner angle left out in turn: transmitted light in the cells of deflection that are compared, "
+        "over the incident light (less than τ where other cells are too dim), predicted by panes inferred "
+        "from the other angles.",
         numbers=(columns, numbers),
         synthetic=found.synthetic,
     )
