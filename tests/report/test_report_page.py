@@ -153,6 +153,28 @@ def test_a_missing_or_broken_picture_is_refused_and_no_page_is_left(tmp_path):
         report.page("S", [], {}, tmp_path / "nowhere" / "page.html")
 
 
+def test_a_view_has_a_picture_for_paper_with_its_numbers(lobe, tmp_path):
+    models = {"M": lobe()}
+    still = figures.sections(models, [20.0], tmp_path / "still.png")
+    view = viewer.write_view(models, tmp_path / "view.html", theta_deg=[0.0, 40.0])
+    section = Section("s", [Embed(view, "A view.", still=still)])
+    html = report.page("S", [section], {}, tmp_path / "p.html").read_text(encoding="utf-8")
+    outside = re.sub(r'srcdoc="[^"]*"', "", html)
+    links = Links(outside)
+    assert [decoded(a[2]) for a in links.addresses if a[0] == "img"] == [still.read_bytes()]
+    assert '<img class="printonly"' in outside
+    assert "still.csv" in links.names
+
+
+def test_files_and_counterparts_are_named_in_the_caption(lobe, tmp_path):
+    (tmp_path / "deep").mkdir()
+    tau = figures.tau_curves({"M": lobe()}, tmp_path / "deep" / "tau.png")
+    blocks = [Figure(tau, "Tau.", like="Fig. 3"), TableBlock(["a"], [[1]], "Rows.", like="Table 1")]
+    text = Links(report.page("S", [Section("s", blocks)], {}, tmp_path / "p.html").read_text()).text
+    assert "Tau. Counterpart in the published study: Fig. 3. Numbers: deep/tau.csv" in text
+    assert "Rows. Counterpart in the published study: Table 1. Numbers: table-1.csv" in text
+
+
 def test_provenance_records_are_shown(tmp_path):
     made = record(what="a thing", inputs=[], parameters={"paths": 12}, seed=3, synthetic=True)
     text = Links(report.page("S", [], {"thing": made}, tmp_path / "p.html").read_text(encoding="utf-8")).text

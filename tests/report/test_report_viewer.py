@@ -17,7 +17,7 @@ from specularia import bsdf
 from specularia.bsdf.klems import BASES
 from specularia.bsdf.tabulated import SideTable, cell_centres
 from specularia.bsdf.xml_model import KlemsPart
-from specularia.conventions import direction_cosines
+from specularia.conventions import SIDES, direction_cosines
 from specularia.gonio import Table
 from specularia.report import _view_data, viewer
 
@@ -356,12 +356,12 @@ def test_wide_screens_show_models_side_by_side_and_phones_below_each_other(view,
 
 
 def test_a_page_of_two_models_with_errors_stays_below_fifteen_megabytes(tmp_path):
-    directions = viewer._directions({k: {"": tabulated()} for k in "MH"}, [], None)
+    directions = viewer._directions({k: {"": tabulated()} for k in "MH"}, SIDES, [], None, 12e6)
     assert len(directions.theta_deg) >= 40
     each = directions.count * _view_data.GRID.stride * 3 * 4 / 3
     assert 2 * 2 * each + 1e6 < 15e6
     many = {str(k): {"": Turned()} for k in range(2)}
-    held = viewer._directions(many, [], None)
+    held = viewer._directions(many, SIDES, [], None, 12e6)
     assert 2 * 2 * held.count * _view_data.GRID.stride * 2 * 4 / 3 < 14e6
 
 
@@ -372,6 +372,17 @@ def test_codes_keep_values_to_a_thousandth_and_tell_nothing_from_zero():
     np.testing.assert_allclose(back, values[:1000], rtol=2.5e-4)
     assert codes[1000] == codes[1001] == 1
     assert codes[1002] == 0
+
+
+def test_a_view_holds_the_sides_and_the_size_that_are_asked_for(lobe, tmp_path):
+    whole = viewer.write_view({"M": lobe()}, tmp_path / "whole.html")
+    part = viewer.write_view({"M": lobe()}, tmp_path / "part.html", sides=[FRONT], largest_mb=0.5)
+    assert data_of(whole)["sides"] == [FRONT, BACK]
+    assert data_of(part)["sides"] == [FRONT]
+    assert list(data_of(part)["models"][0]["bands"]["520 nm"]) == [FRONT]
+    assert len(data_of(part)["theta"]) < len(data_of(whole)["theta"])
+    library = (importlib.resources.files("specularia.report") / "view_page" / "three.min.js").read_bytes()
+    assert part.stat().st_size < 0.5e6 + len(library) + 1e5
 
 
 def test_the_drawing_library_is_shipped_with_its_licence_and_the_licence_with_each_view(view):

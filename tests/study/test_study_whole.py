@@ -57,7 +57,7 @@ def test_a_study_of_tables_alone_ends_with_a_page_and_reruns_only_what_changed(
     page = Path(first["report"])
     assert page.is_absolute()
     assert page.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
-    assert set(first["seconds"]) == {"measured", "model_m", "table_1", "dsf", "report"}
+    assert set(first["seconds"]) == {"measured", "model_m", "table_1", "dsf", "view", "report"}
     manifest = json.loads((out / "table_1" / "stage.json").read_text())
     for row in ("measured", "M"):
         assert manifest["summary"]["rows"][row] == pytest.approx(list(TAU.values()), rel=0.01)

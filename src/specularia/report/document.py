@@ -22,7 +22,7 @@ from specularia.report.style import DPI, numbers_beside
 
 __all__ = ["page"]
 
-_EMBED: Final = 1_500_000
+_EMBED: Final = 500_000
 """Bytes up to which a file of numbers is embedded; larger ones are linked beside the page."""
 
 _MEDIA: Final = {".csv": "text/csv;charset=utf-8", ".npz": "application/zip"}
@@ -39,7 +39,8 @@ def page(
     """Write one HTML page that opens offline: no request leaves it, and its content-security policy says so.
 
     Figures (and embedded views) are numbered in their order, tables likewise. Pictures are embedded; so are
-    files of numbers up to 1.5 MB, larger ones are linked by their path relative to the page. Text is escaped.
+    files of numbers up to 0.5 MB, larger ones are linked by their path relative to the page. Each is named
+    with its path, which stands on paper as well. Text is escaped.
 
     Parameters
     ----------
@@ -92,22 +93,18 @@ def _rendered(block: Block, counts: dict[str, int], folder: Path) -> dict[str, A
         "synthetic": block.synthetic,
         "alt": block.caption.split(". ")[0],
         "download": None,
+        "like": getattr(block, "like", ""),
     }
     if isinstance(block, Figure):
-        picture = existing(block.path, what="a PNG").read_bytes()
-        width, height = _png_size(picture, block.path)
-        out |= {"kind": "figure", "image": _data_uri(picture, "image/png"), "width": width, "height": height}
-        # On screen all figures are enlarged alike, so that their letters have one size.
-        out["paper_in"] = width / DPI
-        numbers = block.data or numbers_beside(block.path)
-        out["download"] = (
-            None if numbers is None else _download(existing(numbers, what="its numbers"), folder)
-        )
+        out |= {"kind": "figure", **_picture(block.path, block.data, folder)}
     elif isinstance(block, Embed):
         out |= {
             "kind": "embed",
             "html": existing(block.path, what="an HTML file").read_text(encoding="utf-8"),
+            "still": None if block.still is None else _picture(block.still, None, folder),
         }
+        if out["still"]:
+            out["download"] = out["still"]["download"]
     else:
         rows = [[_cell(c) for c in row] for row in block.rows]
         out |= {
@@ -121,6 +118,21 @@ def _rendered(block: Block, counts: dict[str, int], folder: Path) -> dict[str, A
             else _download(existing(block.csv, what="a CSV"), folder),
         }
     return out
+
+
+def _picture(path: Path, data: Path | None, folder: Path) -> dict[str, Any]:
+    """A picture as the template shows it, and its numbers."""
+    content = existing(path, what="a PNG").read_bytes()
+    width, height = _png_size(content, path)
+    numbers = data or numbers_beside(path)
+    return {
+        "image": _data_uri(content, "image/png"),
+        "width": width,
+        "height": height,
+        # On screen all figures are enlarged alike, so that their letters have one size.
+        "paper_in": width / DPI,
+        "download": None if numbers is None else _download(existing(numbers, what="its numbers"), folder),
+    }
 
 
 def _cell(value: Any) -> str:
@@ -140,14 +152,12 @@ def _data_uri(content: bytes, media: str) -> str:
 
 def _download(file: Path, folder: Path) -> dict[str, str]:
     """Link to a file of numbers: embedded where it is small, else by its relative path."""
-    kind = file.suffix.lstrip(".").upper()
     size = file.stat().st_size
+    relative = Path(os.path.relpath(file.resolve(), folder.resolve())).as_posix()
     if size <= _EMBED:
         media = _MEDIA.get(file.suffix, "application/octet-stream")
-        return {"href": _data_uri(file.read_bytes(), media), "name": file.name, "text": f"Numbers ({kind})"}
-    relative = Path(os.path.relpath(file.resolve(), folder.resolve())).as_posix()
-    text = f"Numbers ({kind}, {size / 1e6:.1f} MB, in {relative} beside this page)"
-    return {"href": relative, "name": file.name, "text": text}
+        return {"href": _data_uri(file.read_bytes(), media), "name": file.name, "file": relative, "size": ""}
+    return {"href": relative, "name": file.name, "file": relative, "size": f"{size / 1e6:.1f} MB"}
 
 
 def _rows_download(block: TableBlock, name: str) -> dict[str, str]:
@@ -157,7 +167,7 @@ def _rows_download(block: TableBlock, name: str) -> dict[str, str]:
     writer.writerow(block.header)
     writer.writerows(block.rows)
     uri = _data_uri(buffer.getvalue().encode(), _MEDIA[".csv"])
-    return {"href": uri, "name": f"{name}.csv", "text": "Numbers (CSV)"}
+    return {"href": uri, "name": f"{name}.csv", "file": f"{name}.csv", "size": ""}
 
 
 def _png_size(content: bytes, path: Path) -> tuple[int, int]:

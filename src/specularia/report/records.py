@@ -28,12 +28,14 @@ class Figure:
     caption : states method, numbers, uncertainty and what is synthetic; the page numbers it.
     data : CSV or NPZ with the figure's numbers, offered as a download; None looks for one beside the picture.
     synthetic : True puts the label "synthetic" before the caption.
+    like : the figure of another publication that this one is the counterpart of, as "Fig. 9".
     """
 
     path: Path
     caption: str
     data: Path | None = None
     synthetic: bool = False
+    like: str = ""
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,7 @@ class TableBlock:
     caption : states method, numbers, uncertainty and what is synthetic; the page numbers it.
     csv : file with the same numbers in full, offered as a download; None offers the rows themselves.
     synthetic : True puts the label "synthetic" before the caption.
+    like : the table of another publication that this one is the counterpart of, as "Table 1".
     """
 
     header: Sequence[str]
@@ -54,6 +57,7 @@ class TableBlock:
     caption: str
     csv: Path | None = None
     synthetic: bool = False
+    like: str = ""
 
 
 @dataclass(frozen=True)
@@ -65,11 +69,13 @@ class Embed:
     path : the HTML file; it is embedded whole.
     caption : numbered with the figures.
     synthetic : True puts the label "synthetic" before the caption.
+    still : PNG that takes its place on paper, with its numbers beside it.
     """
 
     path: Path
     caption: str
     synthetic: bool = False
+    still: Path | None = None
 
 
 Block = Paragraph | Figure | TableBlock | Embed

@@ -34,9 +34,6 @@ _STEPS: Final = (2.0, 3.0, 4.0, 5.0, 7.5, 10.0, 15.0)
 _AZIMUTHS: Final = (24, 16, 12, 8)
 """Numbers of azimuths of incidence where a model is not isotropic, likewise."""
 
-_BUDGET: Final = 12e6
-"""Bytes that the tables of a view may have, unless the caller sets the angles."""
-
 
 def write_view(
     models: Mapping[str, ScatteringModel | Sequence[ScatteringModel]],
@@ -44,6 +41,8 @@ def write_view(
     *,
     theta_deg: ArrayLike | None = None,
     measured: Sequence[Table] = (),
+    sides: Sequence[str] | None = None,
+    largest_mb: float = 12.0,
     title: str = "Scattering of window glass",
     synthetic: bool = False,
 ) -> Path:
@@ -62,8 +61,10 @@ def write_view(
     models : by name; a sequence where a model has several bands, which the page then switches between.
     path : HTML file to write; 0.5 MB, and about 1 MB (2 with standard errors) per model and side.
     theta_deg : array [N], polar angles of incidence, degrees, 0 <= theta < 90. None takes steps of 2 degrees,
-        or larger ones where the page would grow beyond 15 MB; those of `measured` are added.
+        or larger ones where the tables would grow beyond `largest_mb`; those of `measured` are added.
     measured : tables whose points near the plane of incidence are drawn into the section.
+    sides : those of `conventions.SIDES` that are shown; None shows all that the models hold.
+    largest_mb : megabytes that the tables may have, unless `theta_deg` is given.
     title : heading of the page.
     synthetic : True labels the page.
 
@@ -90,8 +91,12 @@ def write_view(
     for name, given in models.items():
         several = given if isinstance(given, Sequence) else [given]
         bands[name] = {m.band: m for m in several}
-    directions = _directions(bands, measured, theta_deg)
-    sides = [s for s in SIDES if any(s in m.sides for held in bands.values() for m in held.values())]
+    shown = [
+        s
+        for s in (SIDES if sides is None else sides)
+        if any(s in m.sides for held in bands.values() for m in held.values())
+    ]
+    directions = _directions(bands, shown, measured, theta_deg, 1e6 * largest_mb)
     turned = Directions(directions.theta_deg)
     data = {
         "theta": directions.theta_deg,
@@ -104,7 +109,7 @@ def write_view(
         },
         "error": [_view_data.ERROR_LOW, _view_data.ERROR_HIGH, _view_data.ERROR_STEPS],
         "decades": _hemisphere.DECADES,
-        "sides": sides,
+        "sides": shown,
         # What the switch offers: a model of one band is shown in it, whatever the others show.
         "bands": list(dict.fromkeys(b for held in bands.values() if len(held) > 1 for b in held)),
         "models": [
@@ -116,6 +121,7 @@ def write_view(
                     band: {
                         side: _view_data.side_data(m, side, turned if _isotropic(m) else directions)
                         for side in m.sides
+                        if side in shown
                     }
                     for band, m in held.items()
                 },
@@ -147,7 +153,11 @@ def _isotropic(model: ScatteringModel) -> bool:
 
 
 def _directions(
-    bands: Mapping[str, Mapping[str, ScatteringModel]], measured: Sequence[Table], theta_deg: ArrayLike | None
+    bands: Mapping[str, Mapping[str, ScatteringModel]],
+    sides: Sequence[str],
+    measured: Sequence[Table],
+    theta_deg: ArrayLike | None,
+    budget: float,
 ) -> Directions:
     """The incident directions: as many as the page has room for, with those of the measurements."""
     every = [m for held in bands.values() for m in held.values()]
@@ -162,7 +172,7 @@ def _directions(
         )
         made = Directions(tuple(sorted({*map(float, theta), *added})), phi)
         size = sum(
-            len(m.sides)
+            sum(s in sides for s in m.sides)
             * (len(made.theta_deg) if _isotropic(m) else made.count)
             * GRID.stride
             * (3 if hasattr(m, "standard_error") else 2)
@@ -170,7 +180,7 @@ def _directions(
             / 3
             for m in every
         )
-        if size <= _BUDGET:
+        if size <= budget:
             break
     return made
 

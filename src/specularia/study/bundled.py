@@ -10,8 +10,8 @@ from specularia.progress import note
 
 __all__ = ["copy_bundled", "write_demo"]
 
-QUICK = ("study.toml", "twin.toml", "glass.toml", "room.toml")
-FULL = ("study_full.toml", "twin_full.toml", "glass.toml", "room_full.toml")
+QUICK = ("study.toml", "twin.toml", "glass.toml", "fragment.toml", "room.toml")
+FULL = ("study_full.toml", "twin_full.toml", "glass.toml", "fragment.toml", "room_full.toml")
 
 
 def copy_bundled(name: str, folder: Path) -> Path:

@@ -46,7 +46,7 @@ def check(study: str | Path) -> list[str]:
     with notes.page():
         job = read_job(path)
         sources = Sources.of(job, path)
-        for part in (_twin, _tables, _faces, _glass, _room, _finds):
+        for part in (_twin, _tables, _faces, _glass, _fragment, _room, _causes, _finds):
             part(job, sources, notes)
         if not notes.problems:
             stages_of(job, path)
@@ -124,6 +124,27 @@ def _glass(job: StudyJob, sources: Sources, notes: _Notebook) -> None:
     if job.glass:
         with notes.page():
             read_slab(job.glass.settings)
+
+
+def _fragment(job: StudyJob, sources: Sources, notes: _Notebook) -> None:
+    """The sheet and what lies on it are described rightly."""
+    from specularia.daylight import FragmentJob
+
+    if job.fragment and job.fragment.settings is not None:
+        with notes.page():
+            load_toml(job.fragment.settings, FragmentJob)
+
+
+def _causes(job: StudyJob, sources: Sources, notes: _Notebook) -> None:
+    """The panes of the budget and of the inference can be put together."""
+    from specularia.glass import read_slab
+
+    for name in ("explain", "infer"):
+        given = getattr(job, name)
+        if given is not None:
+            with notes.page():
+                for file in sources.outside([given.settings]):
+                    read_slab(file)
 
 
 def _room(job: StudyJob, sources: Sources, notes: _Notebook) -> None:

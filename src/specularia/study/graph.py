@@ -6,13 +6,26 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from specularia.daylight.fragment_job import FragmentJob
 from specularia.daylight.job import RoomJob
 from specularia.glass import read_slab
 from specularia.jobs import load_toml
 from specularia.study.engine import Stage
 from specularia.study.job import StudyJob
 from specularia.study.sources import TWIN, Sources, files_named_by
-from specularia.study.stages import comparison, finds, healed, measured, models, report, room, surfaces
+from specularia.study.stages import (
+    causes,
+    comparison,
+    finds,
+    fragment,
+    healed,
+    measured,
+    models,
+    report,
+    room,
+    surfaces,
+    view,
+)
 from specularia.study.stages import twin as twins
 from specularia.twin import TwinSettings
 
@@ -69,6 +82,10 @@ def stages_of(job: StudyJob, file: Path, *, seed: int | None = None) -> list[Sta
         stages.append(
             Stage("dsf", comparison.dsf, needs=made, parameters={"theta_deg": job.report.dsf_theta_deg})
         )
+        if job.report.view:
+            stages.append(_view(job, sources, made))
+    if job.fragment:
+        stages.append(_fragment(job, made))
     if job.room:
         needed = files_named_by(load_toml(job.room.settings, RoomJob))
         stages.append(
@@ -80,6 +97,9 @@ def stages_of(job: StudyJob, file: Path, *, seed: int | None = None) -> list[Sta
                 inputs={"settings": (job.room.settings,), "named": needed},
             )
         )
+    for name, run in (("explain", causes.explain), ("infer", causes.infer)):
+        if getattr(job, name):
+            stages.append(_causes(name, run, job, sources, seed))
     if job.finds:
         named = {k: [getattr(job.finds, k)] for k in ("table", "plan", "mapping")}
         stages.append(Stage("finds", finds.finds, **_files(sources, **named)))
@@ -174,6 +194,46 @@ def _healed(job: StudyJob, sources: Sources, seed: int) -> list[Stage]:
             inputs={"settings": (job.glass.settings,), "named": slab.sources},
         ),
     ]
+
+
+def _view(job: StudyJob, sources: Sources, made: tuple[str, ...]) -> Stage:
+    """The interactive view, with the measured tables where there are any."""
+    files: dict[str, Any] = _files(sources, tables=job.gonio.tables) if job.gonio else {"needs": ()}
+    said = job.gonio.model_dump(exclude={"tables"}) if job.gonio else None
+    files["needs"] = (*made, *files["needs"])
+    parameters = {"title": job.report.title, "gonio": said}
+    return Stage("view", view.interactive, parameters=parameters, **files)
+
+
+def _fragment(job: StudyJob, made: tuple[str, ...]) -> Stage:
+    """The specimen over a printed sheet; a model of a reflection alone has nothing to show there."""
+    assert job.fragment is not None
+    settings = job.fragment.settings
+    inputs: dict[str, tuple[Path, ...]] = {}
+    if settings is not None:
+        inputs = {"settings": (settings,), "named": files_named_by(load_toml(settings, FragmentJob))}
+    return Stage("fragment", fragment.fragment, needs=made, inputs=inputs)
+
+
+def _causes(name: str, run: Any, job: StudyJob, sources: Sources, seed: int) -> Stage:
+    """What compares the traced pane with the tables: explain or infer."""
+    assert job.gonio is not None and job.glass is not None
+    given = getattr(job, name)
+    files = _files(sources, tables=job.gonio.tables, settings=[given.settings])
+    if given.settings is None:
+        files["inputs"]["settings"] = (job.glass.settings,)
+    named = [f for p in files["inputs"]["settings"] for f in read_slab(p).sources]
+    files["inputs"] |= {"named": tuple(named)}
+    faces = [face for face in FACES if job.surface and getattr(job.surface, face) is not None]
+    files["needs"] = (*(f"heights_{face}" for face in faces), *files["needs"])
+    parameters = {
+        **given.model_dump(exclude={"settings"}),
+        "gonio": job.gonio.model_dump(exclude={"tables"}),
+        "wavelength_nm": job.trace.wavelength_nm,
+        "seed": seed,
+        "tiling": job.surface.tiling if job.surface else None,
+    }
+    return Stage(name, run, parameters=parameters, **files)
 
 
 def _clear_slab(job: StudyJob) -> dict[str, Any]:

@@ -29,8 +29,18 @@ stand for several files. A complete example::
     [xml]                              # Radiance files of the models
     resolution = 6
 
+    [fragment]                         # the specimen over a printed sheet
+    settings = "fragment.toml"
+
     [room]
     settings = "room.toml"
+
+    [explain]                          # why Model C and the measurement differ
+    settings = "pane.toml"             # the slab with all that is known of it
+    unsure = { absorption = 0.1, bubbles = 0.3 }
+
+    [infer]                            # what the glass is like, from maps and tables
+    seek = ["absorption_per_mm", "micro_slope_front", "micro_slope_back"]
 
     [finds]
     table = "finds.csv"
@@ -51,10 +61,13 @@ from pydantic import Field, model_validator
 from specularia.jobs import FilePath, Job, load_toml
 
 __all__ = [
+    "ExplainOptions",
     "FindsFiles",
+    "FragmentFile",
     "GlassFile",
     "GonioFiles",
     "HealingOptions",
+    "InferOptions",
     "ReportOptions",
     "RoomFile",
     "StudyJob",
@@ -69,6 +82,22 @@ Pattern = Annotated[str, Field(min_length=1)]
 """A path or a pattern of paths, counted from the study's folder or within what the twin makes."""
 
 Polar = Annotated[float, Field(ge=0.0, lt=90.0)]
+
+
+RelativeError = Annotated[float, Field(ge=0.0, lt=10.0)]
+
+StepName = Literal["endless", "polarisation", "absorption", "bubbles", "micro-relief", "tree", "instrument"]
+"""Steps of the error budget (`analysis.STEPS`)."""
+
+ParameterName = Literal[
+    "absorption_per_mm",
+    "bubbles_per_cm3",
+    "bubble_diameter_mm",
+    "bubble_elongation",
+    "micro_slope_front",
+    "micro_slope_back",
+]
+"""What can be inferred (`analysis.PARAMETERS`)."""
 
 
 class TwinFile(Job):
@@ -165,6 +194,54 @@ class XmlOptions(Job):
     """Percentage of the cells to merge away; as many as move 1 % of the light if left out."""
 
 
+class FragmentFile(Job):
+    """[fragment]: the specimen over a printed sheet, seen through each model."""
+
+    settings: FilePath | None = None
+    """FRAGMENT.toml of `specularia daylight fragment`. Left out: its defaults, with an invented outline."""
+
+
+class ExplainOptions(Job):
+    """[explain]: the error budget from Model C as published to the measured tables."""
+
+    settings: Pattern | None = None
+    """GLASS.toml with all that is known of the pane (absorption, bubbles, fine relief); faces given in
+    [surface] take the place of its own. That of [glass] if left out."""
+    order: Annotated[tuple[StepName, ...], Field(min_length=1)] | None = None
+    """Steps in their order; those not named are left out. All of them if left out."""
+    patch_mm: Annotated[float, Field(gt=0.0, le=1000.0)] = 8.4
+    """Width of the finite patch that the budget begins with."""
+    resolution: Annotated[int, Field(ge=5, le=8)] = 6
+    """Of the tensor tree that it begins with."""
+    aperture_deg: Annotated[float, Field(ge=0.3, le=10.0)] = 0.3
+    """Full width at half maximum of the instrument's angular response."""
+    unsure: dict[Literal["absorption", "bubbles", "micro-relief"], RelativeError] = Field({})
+    """Relative standard errors of what these steps bring in, as { absorption = 0.1 }."""
+    paths: Annotated[int, Field(ge=1000)] = 400_000
+    """For each state and angle."""
+
+
+class InferOptions(Job):
+    """[infer]: absorption, bubbles and finest relief, from the maps and the measured tables."""
+
+    settings: Pattern | None = None
+    """GLASS.toml to begin with: index and thickness; faces given in [surface] take the place of its own. That
+    of [glass] if left out."""
+    seek: Annotated[tuple[ParameterName, ...], Field(min_length=1)] | None = None
+    """What to infer; everything if left out."""
+    priors: dict[ParameterName, tuple[float, float]] = Field({})
+    """Lognormal priors in place of the built-in ones: median, and standard deviation of the natural
+    logarithm, as { absorption_per_mm = [0.05, 0.7] }."""
+    scale_error: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.005
+    """Relative standard error of the scale that all tables share."""
+    aperture_deg: Annotated[float, Field(ge=0.3, le=10.0)] = 0.3
+    """Full width at half maximum of the instrument's angular response."""
+    hold_out: bool = True
+    """Whether each angle but the first and the last is also predicted from the others."""
+    paths: Annotated[int, Field(ge=1000)] = 100_000
+    """For each trace and angle."""
+
+
 class RoomFile(Job):
     """[room]: the room that each model is put into."""
 
@@ -191,6 +268,8 @@ class ReportOptions(Job):
     """Running text under the title; blank lines part paragraphs."""
     dsf_theta_deg: Annotated[tuple[Polar, ...], Field(min_length=1, max_length=6)] = (20.0, 30.0, 40.0)
     """Angles of incidence of the figure that sets the models side by side."""
+    view: bool = True
+    """Whether the page holds an interactive view of the models; false makes it smaller by some megabytes."""
 
 
 class StudyJob(Job):
@@ -203,7 +282,10 @@ class StudyJob(Job):
     trace: TraceOptions = TraceOptions()
     healing: HealingOptions | None = None
     xml: XmlOptions = XmlOptions()
+    fragment: FragmentFile | None = None
     room: RoomFile | None = None
+    explain: ExplainOptions | None = None
+    infer: InferOptions | None = None
     finds: FindsFiles | None = None
     report: ReportOptions = ReportOptions()
 
@@ -215,6 +297,11 @@ class StudyJob(Job):
             raise ValueError("[surface] and [glass] for [healing]: faces to heal and the glass between them")
         if self.room and not (self.gonio or self.glass):
             raise ValueError("a model to put into the room: [gonio] for Model M or [glass] for Model C")
+        if self.fragment and not (self.gonio or self.glass):
+            raise ValueError("a model for [fragment]: [gonio] for Model M or [glass] for Model C")
+        for name in ("explain", "infer"):
+            if getattr(self, name) and not (self.gonio and self.glass):
+                raise ValueError(f"[gonio] and [glass] for [{name}]: tables and the pane they are of")
         return self
 
 

@@ -234,11 +234,45 @@ def _text(found: _Found, unknown: Sequence[Path], written: set[str]) -> str:
         "resolution = 6               # 5 to 8\n"
         "# cull = 90.0                # percentage of cells to merge; left out: as many as move 1 % of the "
         "light",
+        "# The specimen over a printed sheet, seen through each model.\n"
+        + section(
+            "fragment",
+            ['# settings = "fragment.toml" # FRAGMENT.toml; left out: defaults, with an invented outline'],
+            False,
+        ),
         "# The room that each model is put into.\n"
         + section(
             "room",
             [line("settings", (kinds["room"] or ["room.toml"])[0], f"ROOM.toml{edit['room']}")],
             bool(kinds["room"]),
+        ),
+        "# Why Model C and the measurement differ: an error budget; needs [gonio] and [glass]. Minutes.\n"
+        + section(
+            "explain",
+            [
+                '# settings = "pane.toml"     # GLASS.toml with all that is known; left out: that of [glass]',
+                '# order = ["endless", "absorption", "bubbles"]  # left out: all steps',
+                "# patch_mm = 8.4             # width of the finite patch that the budget begins with",
+                "# resolution = 6             # of the tensor tree that it begins with",
+                "# aperture_deg = 0.3         # full width of the instrument's response",
+                "# unsure = { absorption = 0.1, bubbles = 0.3 }  # relative standard errors",
+                "# paths = 400_000            # for each state and angle",
+            ],
+            False,
+        ),
+        "# What the glass is like, from maps and tables; needs [gonio] and [glass]. Many minutes.\n"
+        + section(
+            "infer",
+            [
+                '# settings = "pane.toml"     # GLASS.toml to begin with; left out: that of [glass]',
+                '# seek = ["absorption_per_mm", "micro_slope_front", "micro_slope_back"]  # left out: all',
+                "# priors = { absorption_per_mm = [0.05, 0.7] }  # median, sigma of the natural logarithm",
+                "# scale_error = 0.005        # of the scale that all tables share, relative",
+                "# aperture_deg = 0.3         # full width of the instrument's response",
+                "# hold_out = true            # predict each inner angle from the others",
+                "# paths = 100_000            # for each trace and angle",
+            ],
+            False,
         ),
         "# The catalogue of finds.\n"
         + section(
@@ -253,7 +287,8 @@ def _text(found: _Found, unknown: Sequence[Path], written: set[str]) -> str:
         "[report]\n"
         'title = "A study of window glass"\n'
         '# note = "Text under the title."\n'
-        "dsf_theta_deg = [20, 30, 40] # angles of incidence at which the models are drawn side by side",
+        "dsf_theta_deg = [20, 30, 40] # angles of incidence at which the models are drawn side by side\n"
+        "view = true                  # an interactive view of the models within the page",
     ]
     if unknown:
         names = "\n".join(f"#   {path}" for path in unknown)

@@ -140,7 +140,7 @@ def contrast_over_gap(
             xlabel="gap between sheet and glass (mm)",
             ylabel=f"contrast of bars of {stroke_mm:g} mm",
         )
-        axes.legend(loc="upper right", bbox_to_anchor=(1.0, 0.84))
+        axes.legend(loc="best")
         header, columns = ["gap_mm"], [gaps]
         for curve in curves:
             header += [f"contrast_{curve.model}", f"transmitted_{curve.model}"]

@@ -68,8 +68,13 @@ def luminance_maps(
     ]
     shape = maps[0].shape
     width = 3.2
-    with style.canvas(width * len(images) + 0.9, width * shape[0] / shape[1] + 0.85) as figure:
-        axes = figure.subplots(1, len(images), squeeze=False)[0]
+    # More than two side by side would leave no room for letters.
+    columns = min(2, len(images))
+    count = -(-len(images) // columns)
+    with style.canvas(width * columns + 0.9, (width * shape[0] / shape[1] + 0.55) * count + 0.3) as figure:
+        axes = figure.subplots(count, columns, squeeze=False).ravel()
+        for empty in axes[len(images) :]:
+            empty.set_axis_off()
         for k, (image, values) in enumerate(zip(images, maps)):
             panel = axes[k]
             round_ = _kind(image) == "fisheye"
@@ -120,7 +125,9 @@ def luminance_maps(
                 )
             if below:
                 panel.set_xlabel(_wrapped(below), fontsize=6.5, labelpad=4)
-        bar = figure.colorbar(picture, cax=axes[-1].inset_axes((1.03, 0.0, 0.04, 1.0)), extend="both")
+        bar = figure.colorbar(
+            picture, cax=axes[columns - 1].inset_axes((1.03, 0.0, 0.04, 1.0)), extend="both"
+        )
         bar.set_label("luminance L (cd/m²)")
         bar.ax.yaxis.set_major_locator(LogLocator(subs=_ISOLINES))
         bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: style.number(v)))

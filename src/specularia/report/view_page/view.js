@@ -516,7 +516,11 @@ addEventListener("keydown", event => {
   does(); draw();
 });
 
+// Not shown, as in a page that is being printed: there is nothing to draw on.
+const hidden = () => document.documentElement.clientWidth === 0;
+
 function draw() {
+  if (hidden()) return;
   inks = new Map();
   const begun = performance.now(), cells = mapCells();
   panels.forEach(p => { paintMap(p, cells); paintLobe(p); report(p); });
@@ -556,7 +560,7 @@ function fromAddress() {
 fromAddress();
 addEventListener("hashchange", () => { fromAddress(); draw(); });
 // Inside another page, say how high this one is.
-const tell = () => { if (parent !== window) parent.postMessage(document.querySelector("main").getBoundingClientRect().height + 34, "*"); };
+const tell = () => { if (parent !== window && !hidden()) parent.postMessage(document.querySelector("main").getBoundingClientRect().height + 34, "*"); };
 addEventListener("resize", () => { draw(); tell(); });
 draw();
 tell();

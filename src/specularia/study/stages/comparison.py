@@ -66,9 +66,10 @@ def table_1(work: Work) -> Mapping[str, Any]:
     light = f"{given['wavelength_nm']:g} nm"
     caption = (
         f"Direct-hemispherical transmission at {result.band}, light arriving on the front, with standard "
-        f"errors. Clear slab: two parallel smooth faces of index {given['index']:.4g} at {light} without "
-        "absorption, all reflections between them, polarisation kept, in closed form. * beyond the last "
-        "angle of the model's data."
+        "errors (of noise for the measurement and the model fitted to it, of tracing for a traced one; not "
+        "those of what is put into a model), and ratios to the measurement. Clear slab: two parallel smooth "
+        f"faces of index {given['index']:.4g} at {light} without absorption, all reflections between them, "
+        "polarisation kept, in closed form. * beyond the last angle of the model's data."
     )
     fine = np.linspace(0.0, 89.5, 180)
     curve = flat_slab(fine, index=given["index"], absorption_per_mm=0.0, thickness_mm=given["thickness_mm"])[
@@ -92,7 +93,9 @@ def table_1(work: Work) -> Mapping[str, Any]:
         "rows": dict(zip(result.rows, result.tau)),
         "ratio": dict(zip(result.rows, result.ratio)),
         "blocks": [
-            drawn_table(tables.transmission_table(result, caption), synthetic=synthetic, csv=csv.name),
+            drawn_table(
+                tables.transmission_table(result, caption), synthetic=synthetic, csv=csv.name, like="Table 1"
+            ),
             figure(picture, drawn, synthetic=synthetic),
         ],
     }
@@ -108,24 +111,26 @@ def dsf(work: Work) -> Mapping[str, Any]:
     theta = work.parameters["theta_deg"]
     synthetic = any(work.summary(name)["synthetic"] for name in work.results)
     angles = ", ".join(f"{t:g}" for t in theta)
-    picture = figures.dsf(models, theta, work.folder / "dsf.png", side=SIDE, synthetic=synthetic)
+    # The lobe of a healed pane is a dot in a hemisphere, and the others would be dark beside it.
+    wide = {name: m for name, m in models.items() if name != "H"} or models
+    picture = figures.dsf(wide, theta, work.folder / "dsf.png", side=SIDE, synthetic=synthetic)
+    order = "from top to bottom of" if len(wide) > 1 else "of"
+    caption = (
+        f"Differential scattering function, {order} Model {', '.join(wide)}, at θᵢ = {angles}°, seen from "
+        "the front, on one logarithmic scale of five decades. The cross marks where undeflected light "
+        "leaves; each pixel is a mean over its solid angle."
+        + (" An angle that was not measured is interpolated by Model M." if "M" in wide else "")
+        + (
+            " Model H is left to the next figure: its lobe is too narrow for this one."
+            if wide != models
+            else ""
+        )
+    )
+    blocks = [figure(picture, caption, synthetic=synthetic, like="Fig. 9")]
     cut = figures.sections(models, theta, work.folder / "sections.png", side=SIDE, synthetic=synthetic)
-    return {
-        "synthetic": synthetic,
-        "blocks": [
-            figure(
-                picture,
-                f"Differential scattering function, from top to bottom of Model {', '.join(models)}, at "
-                f"theta_i = {angles} degrees, seen from the front, on one logarithmic scale of five decades. "
-                "The cross marks where undeflected light leaves."
-                + (" An angle that was not measured is interpolated by Model M." if "M" in models else ""),
-                synthetic=synthetic,
-            ),
-            figure(
-                cut,
-                f"The same in the plane of incidence, theta_i = {angles} degrees; undeflected light leaves "
-                "at -theta_i.",
-                synthetic=synthetic,
-            ),
-        ],
-    }
+    caption = (
+        f"All models in the plane of incidence, θᵢ = {angles}°; undeflected light leaves at "
+        "-θᵢ. What flickers in a traced model is the noise of its paths."
+    )
+    blocks.append(figure(cut, caption, synthetic=synthetic))
+    return {"synthetic": synthetic, "blocks": blocks}

@@ -36,11 +36,29 @@ def healed(work: Work) -> Mapping[str, Any]:
     low, high = result.Sdq_interval
     header = ["pits", "Sdq, decayed", "Sdq, healed", "Sdq, 90 % interval", "without evidence", "members"]
     row = [
-        f"{result.pit_coverage:.1%}",
+        f"{100 * result.pit_coverage:.1f} %",
         result.Sdq_before,
         result.Sdq_after,
         f"{low:.4f} to {high:.4f}",
-        f"{result.no_evidence_share:.1%}",
+        f"{100 * result.no_evidence_share:.1f} %",
+        len(result.members),
+    ]
+    columns = [
+        "pits_percent",
+        "Sdq_decayed",
+        "Sdq_healed",
+        "Sdq_low_90",
+        "Sdq_high_90",
+        "without_evidence_percent",
+        "members",
+    ]
+    numbers = [
+        100 * result.pit_coverage,
+        result.Sdq_before,
+        result.Sdq_after,
+        low,
+        high,
+        100 * result.no_evidence_share,
         len(result.members),
     ]
     caption = (
@@ -62,7 +80,14 @@ def healed(work: Work) -> Mapping[str, Any]:
         "Sdq_after": result.Sdq_after,
         "Sdq_members_90": [low, high],
         "blocks": [
-            table(header, [row], caption, synthetic=synthetic),
+            table(
+                work.folder / f"healed_{face}.csv",
+                header,
+                [row],
+                caption,
+                numbers=(columns, [numbers]),
+                synthetic=synthetic,
+            ),
             figure(picture, drawn, synthetic=synthetic),
         ],
     }
@@ -130,7 +155,7 @@ def model_h(work: Work) -> Mapping[str, Any]:
         ]
         for k, theta in enumerate(pane.theta_deg)
     ]
-    header = ["theta_i (°)", "tau", "90 % interval", "FWHM of the lobe (°)", "90 % interval"]
+    header = ["θᵢ (°)", "τ", "90 % interval", "FWHM of the lobe (°)", "90 % interval"]
     caption = (
         f"The healed pane, traced with each of {len(pane.Sdq)} possible pairs of faces: mean and 90 % "
         "interval of the direct-hemispherical transmission and of the full width at half maximum of the "
@@ -141,7 +166,20 @@ def model_h(work: Work) -> Mapping[str, Any]:
         "The pane as it may have been: the same glass between healed faces. The model below, which goes into "
         "tables, figures and the room, is that of the possible faces whose rms slope is the median."
     )
-    blocks = [text(note), table(header, rows, caption, synthetic=slab.synthetic), *said["blocks"]]
+    columns = ["theta_i_deg", "tau", "tau_low_90", "tau_high_90", "fwhm_deg", "fwhm_low_90", "fwhm_high_90"]
+    numbers = [
+        [theta, pane.tau[:, k].mean(), *tau[k], pane.fwhm_deg[:, k].mean(), *width[k]]
+        for k, theta in enumerate(pane.theta_deg)
+    ]
+    interval_table = table(
+        work.folder / "healed_pane.csv",
+        header,
+        rows,
+        caption,
+        numbers=(columns, numbers),
+        synthetic=slab.synthetic,
+    )
+    blocks = [text(note), interval_table, *said["blocks"]]
     return {
         **said,
         "theta_deg": pane.theta_deg.tolist(),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from specularia.study.stages.blocks import figure, table, text
+from specularia.study.stages.blocks import figure, table, text, with_error
 
 if TYPE_CHECKING:
     from specularia.gonio import Table
@@ -21,7 +21,8 @@ def read_tables(work: Work) -> list[Table]:
     """All tables of the study, in the order of their files; a file may hold both hemispheres."""
     from specularia import gonio
 
-    said = {key: work.parameters[key] for key in ("quantity", "side", "wavelength_nm")}
+    given = work.parameters.get("gonio", work.parameters)
+    said = {key: given[key] for key in ("quantity", "side", "wavelength_nm")}
     return [part for file in work.files("tables") for part in gonio.read(file, **said)]
 
 
@@ -41,29 +42,55 @@ def measured(work: Work) -> Mapping[str, Any]:
             f"{s.table.theta_i_deg:g}, {s.table.phi_i_deg:g}",
             f"{s.points:,}",
             f"{100 * s.coverage:.1f} %",
-            f"{s.tau:.4f} ± {s.tau_se:.1g}",
+            with_error(s.tau, s.tau_se),
         ]
         for s in summaries
     ]
-    header = ["file", "holds", "theta_i, phi_i (°)", "points", "coverage", "tau or rho"]
+    header = ["file", "holds", "θᵢ, φᵢ (°)", "points", "coverage", "τ or ρ"]
     caption = (
         f"The measured tables ({bands}) and their direct-hemispherical integrals with the standard error of "
         "their noise, from the points themselves. Incident directions as in the files; coverage is of the "
         "projected hemisphere."
     )
-    blocks = [table(header, rows, caption, synthetic=synthetic)]
-    for s in summaries:
-        if s.warnings:
-            blocks.append(text(f"{s.table.label}: {'; '.join(s.warnings)}."))
+    columns = [
+        "file",
+        "quantity",
+        "side",
+        "theta_i_deg",
+        "phi_i_deg",
+        "points",
+        "coverage_percent",
+        "tau_or_rho",
+        "standard_error",
+    ]
+    numbers = [
+        [
+            s.table.label,
+            s.table.quantity,
+            s.table.side,
+            s.table.theta_i_deg,
+            s.table.phi_i_deg,
+            s.points,
+            100 * s.coverage,
+            s.tau,
+            s.tau_se,
+        ]
+        for s in summaries
+    ]
+    csv = work.folder / "measured_tables.csv"
+    blocks = [table(csv, header, rows, caption, numbers=(columns, numbers), synthetic=synthetic)]
+    remarks = [f"{s.table.label}: {'; '.join(s.warnings)}." for s in summaries if s.warnings]
+    if remarks:
+        blocks.append(text(f"Of the tables. {' '.join(remarks)}"))
     shown = ([t for t in tables if t.kind == "transmission"] or tables)[:_PANELS]
     picture = figures.measured_dsf(shown, work.folder / "measured_dsf.png", synthetic=synthetic)
     angles = ", ".join(f"{t.theta_i_deg:g}" for t in shown)
     caption = (
-        f"Measured differential scattering function at theta_i = {angles} degrees, seen from the front, on "
+        f"Measured differential scattering function at θᵢ = {angles}°, seen from the front, on "
         "one logarithmic scale of five decades: the points as they lie, neither cleaned nor interpolated. "
         "Hatched: no data. The cross marks where undeflected light leaves."
     )
-    blocks.append(figure(picture, caption, synthetic=synthetic))
+    blocks.append(figure(picture, caption, synthetic=synthetic, like="Fig. 6"))
     return {
         "synthetic": synthetic,
         "integrals": [

@@ -11,9 +11,10 @@ from specularia.study.stages.surfaces import map_files
 
 if TYPE_CHECKING:
     from specularia.bsdf import Built, SideTable, TabulatedModel
+    from specularia.glass import Slab
     from specularia.study.engine import Work
 
-__all__ = ["MODEL", "model_c", "read_models", "write_model"]
+__all__ = ["MODEL", "model_c", "read_models", "with_faces", "write_model"]
 
 MODEL = "model.nc"
 """Name of the model in the result of a model stage."""
@@ -44,37 +45,51 @@ def write_model(work: Work, name: str, model: TabulatedModel, *, synthetic: bool
         cull=work.parameters["cull"],
         name=f"specularia model {name}",
     )
-    rows = [_row(side, tree, model.tables.get(side)) for side, tree in written.trees.items()]
-    header = ["side", "origin", "theta_i (°)", "cells merged in the XML", "tau or rho of the XML off by"]
+    lines = [_row(side, tree, model.tables.get(side)) for side, tree in written.trees.items()]
+    header = ["side", "origin", "θᵢ (°)", "cells merged in the XML", "τ or ρ of the XML off by"]
     caption = (
         f"Model {name}, band {model.band}: its sides, the angles of incidence of its data, and its "
         f"Radiance file (tensor tree of resolution {work.parameters['resolution']}): the share of cells "
-        "that were merged, and the largest difference of tau or rho from the model's mean over an "
+        "that were merged, and the largest difference of τ or ρ from the model's mean over an "
         "incidence bin. Files: model.nc, model.xml."
     )
     return {
         "synthetic": synthetic,
         "band": model.band,
         "sides": list(model.sides),
-        "blocks": [table(header, rows, caption, synthetic=synthetic)],
+        "blocks": [
+            table(
+                work.folder / f"model_{name.lower()}.csv",
+                header,
+                [shown for shown, _ in lines],
+                caption,
+                numbers=(_COLUMNS, [numbers for _, numbers in lines]),
+                synthetic=synthetic,
+            )
+        ],
     }
 
 
-def _row(side: str, tree: Built, held: SideTable | None) -> list[str]:
-    """A side of a model and of its Radiance file, as the report shows it."""
+_COLUMNS = ("side", "origin", "angles", "first_deg", "last_deg", "cells_merged_percent", "largest_difference")
+
+
+def _row(side: str, tree: Built, held: SideTable | None) -> tuple[list[str], list[Any]]:
+    """A side of a model and of its Radiance file: as the report shows it, and its numbers."""
     origin, angles = "reciprocity", "–"
+    known: list[Any] = [None, None, None]
     if held is not None:
-        angles = f"{len(held.theta_i_deg)}: {held.theta_i_deg[0]:g} to {held.theta_i_deg[-1]:g}"
+        known = [len(held.theta_i_deg), float(held.theta_i_deg[0]), float(held.theta_i_deg[-1])]
+        angles = f"{known[0]}: {known[1]:g} to {known[2]:g}"
         origin = held.origin
-    off = abs(tree.tau_tree - tree.tau_model).max()
-    return [side.replace("_", " "), origin, angles, f"{100 * tree.removed:.0f} %", f"{off:.4f}"]
+    merged, off = 100 * float(tree.removed), float(abs(tree.tau_tree - tree.tau_model).max())
+    shown = [side.replace("_", " "), origin, angles, f"{merged:.0f} %", f"{off:.1e}"]
+    return shown, [side, origin, *known, merged, off]
 
 
-def model_c(work: Work) -> Mapping[str, Any]:
-    """Trace light through the slab; faces of the study take the place of those that its glass names."""
+def with_faces(work: Work, slab: Slab) -> Slab:
+    """The slab with the faces of the study in place of those that its own settings name."""
     from specularia import glass, surface
 
-    slab = glass.read_slab(work.file("settings"), seed=work.parameters["seed"])
     for name, file in map_files(work).items():
         height_map = surface.read(file)
         changed: dict[str, Any] = {
@@ -83,6 +98,14 @@ def model_c(work: Work) -> Mapping[str, Any]:
             "synthetic": slab.synthetic or "synthetic" in height_map.attributes,
         }
         slab = replace(slab, **changed)
+    return slab
+
+
+def model_c(work: Work) -> Mapping[str, Any]:
+    """Trace light through the slab; faces of the study take the place of those that its glass names."""
+    from specularia import glass
+
+    slab = with_faces(work, glass.read_slab(work.file("settings"), seed=work.parameters["seed"]))
     model = glass.model(
         slab,
         paths=work.parameters["paths"],

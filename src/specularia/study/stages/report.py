@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import shutil
+import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,20 +21,27 @@ PAGE = "report.html"
 """Name of the page in the result of the stage."""
 
 _TITLES = {
+    "finds": "The finds",
     "twin": "The synthetic specimen",
     "measured": "Measured distributions",
     "model_m": "Model M, from the measurement",
     "surfaces": "The faces of the glass",
     "model_c": "Model C, from the geometry",
+    "table_1": "Direct-hemispherical transmission",
+    "dsf": "Distributions of the models",
+    "view": "The models, to be turned about",
+    "fragment": "The specimen over a printed sheet",
+    "room": "The lit room",
     "healed_front": "The front as it may have been",
     "healed_back": "The back as it may have been",
     "model_h": "Model H, the pane as it may have been",
-    "table_1": "Direct-hemispherical transmission",
-    "dsf": "Distributions of the models",
-    "room": "The lit room",
-    "finds": "The finds",
+    "explain": "Why Model C and the measurement differ",
+    "infer": "What the glass is like",
 }
-"""Sections of the page in their order."""
+"""Sections of the page: what the published study has, in its order, then what goes beyond it."""
+
+_PUBLISHED = "“Daylight scattering by late antique window glass from Ephesus” (CHNT 24, Vienna, 2019)"
+"""The study whose figures and tables the page follows."""
 
 
 def report(work: Work) -> Mapping[str, Any]:
@@ -58,12 +67,17 @@ def report(work: Work) -> Mapping[str, Any]:
             "parameters": manifest["parameters"],
             "from stages": ", ".join(manifest["needs"]),
             "files in them": ", ".join(f"{s}/{p}" for found in manifest["within"].values() for s, p in found),
-            "seconds": manifest["seconds"],
             "versions": "as of the study" if manifest["versions"] == here else manifest["versions"],
             "synthetic": "yes: made by a computer program, not measured" if name in synthetic else "no",
         }
-    page(work.parameters["title"], sections, provenance, work.folder / PAGE)
+    page(work.parameters["title"], sections, provenance, work.folder / PAGE, date=_today())
     return {"synthetic": bool(synthetic), "page": PAGE}
+
+
+def _today() -> str:
+    """The day on which the page is made, by SOURCE_DATE_EPOCH where that is set (reproducible-builds.org)."""
+    seconds = float(os.environ.get("SOURCE_DATE_EPOCH") or time.time())
+    return time.strftime("%d %B %Y", time.gmtime(seconds)).lstrip("0")
 
 
 def _opening(note: str, synthetic: list[str]) -> list[str]:
@@ -72,16 +86,20 @@ def _opening(note: str, synthetic: list[str]) -> list[str]:
     if synthetic:
         texts.append(
             "Synthetic: the specimen of this study was made by a computer program, and so were its "
-            "measurements. What follows from it is labelled synthetic. Stages concerned: "
-            + ", ".join(synthetic)
-            + "."
+            "measurements. What follows from it is labelled synthetic, here and in every figure."
         )
-    return texts or ["Everything that this study made, with its provenance at the end."]
+    texts.append(
+        f"Figures and tables follow the order of the published study {_PUBLISHED} as far as "
+        "this study has the data, and captions name the counterpart there; what goes beyond it comes "
+        "after. The numbers of every figure and table are in the file that its caption names, which also "
+        "lies beside this page. The provenance of all is at the end."
+    )
+    return texts
 
 
 def _block(block: Mapping[str, Any], source: Path, folder: Path) -> Block:
     """A block of the page; its files are copied beside the page, so that the folder can be moved."""
-    from specularia.report import Figure, Paragraph, TableBlock
+    from specularia.report import Embed, Figure, Paragraph, TableBlock
     from specularia.report.style import numbers_beside
 
     if block["kind"] == "text":
@@ -91,7 +109,19 @@ def _block(block: Mapping[str, Any], source: Path, folder: Path) -> Block:
         path = shutil.copy2(source / block["path"], folder)
         numbers = numbers_beside(source / block["path"])
         data = None if numbers is None else Path(shutil.copy2(numbers, folder))
-        return Figure(Path(path), block["caption"], data=data, synthetic=block["synthetic"])
+        return Figure(
+            Path(path), block["caption"], data=data, synthetic=block["synthetic"], like=block["like"]
+        )
+    if block["kind"] == "view":
+        for file in (block["still"], numbers_beside(source / block["still"]), block["path"]):
+            if file is not None:
+                shutil.copy2(source / file, folder)
+        return Embed(
+            folder / block["path"],
+            block["caption"],
+            synthetic=block["synthetic"],
+            still=folder / block["still"],
+        )
     csv = None if block["csv"] is None else Path(shutil.copy2(source / block["csv"], folder))
     return TableBlock(
         header=block["header"],
@@ -99,4 +129,5 @@ def _block(block: Mapping[str, Any], source: Path, folder: Path) -> Block:
         caption=block["caption"],
         csv=csv,
         synthetic=block["synthetic"],
+        like=block["like"],
     )

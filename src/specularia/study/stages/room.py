@@ -24,6 +24,14 @@ def _reading(point: Any) -> str:
     return f"{text} ({point.interval_lx[0]:,.0f} to {point.interval_lx[1]:,.0f})"
 
 
+_POINT = ("illuminance_lx", "standard_error_lx", "low_95_lx", "high_95_lx")
+
+
+def _numbers(point: Any) -> list[float | None]:
+    """The same in full, in the order of `_POINT`."""
+    return [point.illuminance_lx, point.se, *(point.interval_lx or (None, None))]
+
+
 def room(work: Work) -> Mapping[str, Any]:
     """Light the room through each model; illuminance at its points and luminance maps of its views."""
     from specularia import daylight
@@ -39,6 +47,22 @@ def room(work: Work) -> Mapping[str, Any]:
     places = list(dict.fromkeys(p.name for p in lit.points))
     rows = [[place, *(_reading(value[place, m]) for m in names)] for place in places]
     blocks = []
+    for view in dict.fromkeys(i.name for i in lit.images):
+        images = [i for i in lit.images if i.name == view]
+        stem = "luminance_" + "".join(c if c.isalnum() else "_" for c in view)
+        picture = figures.luminance_maps(
+            images,
+            work.folder / f"{stem}.png",
+            points=lit.points,
+            synthetic=synthetic,
+        )
+        shown = " and ".join(f"Model {i.model}" for i in images)
+        caption = (
+            f"Luminance (cd/m²) of the view “{view}” with {shown} in the window, on one fixed logarithmic "
+            "scale, with isolines; numbers are illuminances (lx) at the named points, with standard errors "
+            "in the table below."
+        )
+        blocks.append(figure(picture, caption, synthetic=synthetic, like="Fig. 11"))
     if rows:
         caption = (
             "Illuminance (lx) at the named points, direct and interreflected, with the standard error of the "
@@ -47,7 +71,11 @@ def room(work: Work) -> Mapping[str, Any]:
             "between members of a healed ensemble. It does not hold how far the shape of their lobes "
             "differs, which matters in the sun's patch. Sky and room are taken as known."
         )
-        blocks.append(table(["point", *(f"Model {m}" for m in names)], rows, caption, synthetic=synthetic))
+        columns = ["point", *(f"{key}_{m}" for m in names for key in _POINT)]
+        numbers = [[place, *(v for m in names for v in _numbers(value[place, m]))] for place in places]
+        head = ["point", *(f"Model {m}" for m in names)]
+        csv = work.folder / "illuminance.csv"
+        blocks.append(table(csv, head, rows, caption, numbers=(columns, numbers), synthetic=synthetic))
     panes = [
         [p.window, f"Model {p.model}", p.view, f"{p.luminance_cd_m2:,.0f}", f"{p.exitance_lm_m2:,.0f}"]
         for p in lit.panes
@@ -62,23 +90,11 @@ def room(work: Work) -> Mapping[str, Any]:
         "The panes: luminance towards the eye (or straight into the room) and light emitted into the room "
         f"per area. Illuminance on their outer side: {outside}."
     )
-    blocks.append(table(header, panes, caption, synthetic=synthetic))
-    for view in dict.fromkeys(i.name for i in lit.images):
-        images = [i for i in lit.images if i.name == view]
-        stem = "luminance_" + "".join(c if c.isalnum() else "_" for c in view)
-        picture = figures.luminance_maps(
-            images,
-            work.folder / f"{stem}.png",
-            points=lit.points,
-            synthetic=synthetic,
-        )
-        shown = " and ".join(f"Model {i.model}" for i in images)
-        caption = (
-            f"Luminance (cd/m²) of the view “{view}” with {shown} in the window, on one fixed logarithmic "
-            "scale, with isolines; numbers are illuminances (lx) at the named points."
-        )
-        blocks.append(figure(picture, caption, synthetic=synthetic))
-    blocks += _grids(lit, work.folder, synthetic) + _glare(lit, synthetic)
+    columns = ["window", "model", "view", "luminance_cd_m2", "exitance_lm_m2"]
+    numbers = [[p.window, p.model, p.view, p.luminance_cd_m2, p.exitance_lm_m2] for p in lit.panes]
+    csv = work.folder / "panes.csv"
+    blocks.append(table(csv, header, panes, caption, numbers=(columns, numbers), synthetic=synthetic))
+    blocks += _grids(lit, work.folder, synthetic) + _glare(lit, work.folder, synthetic)
     return {
         "synthetic": synthetic,
         "points": [
@@ -115,7 +131,7 @@ def _grids(lit: DaylightResult, folder: Path, synthetic: bool) -> list[dict[str,
     return blocks
 
 
-def _glare(lit: DaylightResult, synthetic: bool) -> list[dict[str, Any]]:
+def _glare(lit: DaylightResult, folder: Path, synthetic: bool) -> list[dict[str, Any]]:
     """Daylight glare probability of the fisheye views."""
     if not lit.glare:
         return []
@@ -128,4 +144,7 @@ def _glare(lit: DaylightResult, synthetic: bool) -> list[dict[str, Any]]:
         "Daylight glare probability by evalglare (Wienold and Christoffersen 2006), sources brighter than "
         "2,000 cd/m²."
     )
-    return [table(header, rows, caption, synthetic=synthetic)]
+    columns = ["view", "model", "dgp", "vertical_illuminance_lx", "sources"]
+    numbers = [[g.view, g.model, g.dgp, g.vertical_illuminance_lx, g.sources] for g in lit.glare]
+    csv = folder / "glare.csv"
+    return [table(csv, header, rows, caption, numbers=(columns, numbers), synthetic=synthetic)]

@@ -65,7 +65,7 @@ def surfaces(work: Work) -> Mapping[str, Any]:
     maps = {face: surface.read(file) for face, file in map_files(work).items()}
     said = {face: work.summary(f"heights_{face}") for face in maps}
     synthetic = any(s["synthetic"] for s in said.values())
-    header = ["face", "from", "pixels", "pitch (um)", "range (um)", "Sq (um)", "Sdq", "missing", "sigma (um)"]
+    header = ["face", "from", "pixels", "pitch (µm)", "range (µm)", "Sq (µm)", "Sdq", "missing", "σ (µm)"]
     rows = [
         [
             face,
@@ -83,22 +83,45 @@ def surfaces(work: Work) -> Mapping[str, Any]:
     named = ", ".join(f"{face}: {s['source']}" for face, s in said.items())
     caption = (
         f"The faces of the slab ({named}). Range: highest minus lowest point; Sq: rms height; Sdq: rms "
-        "slope (ISO 25178-2); sigma: rms standard uncertainty of a height, from the stack's own noise."
+        "slope (ISO 25178-2); σ: rms standard uncertainty of a height, from the stack's own noise."
     )
-    blocks = [table(header, rows, caption, synthetic=synthetic)]
+    columns = [
+        "face",
+        "from",
+        "columns",
+        "rows",
+        "pitch_um",
+        "range_um",
+        "Sq_um",
+        "Sdq",
+        "missing",
+        "rms_sigma_um",
+    ]
+    numbers = [[*row[:2], *said[face]["shape"][::-1], *row[3:]] for face, row in zip(said, rows, strict=True)]
+    csv = work.folder / "faces.csv"
+    face, height_map = list(maps.items())[-1]
+    drawn = figures.relief(height_map, work.folder / "relief.png", synthetic=synthetic)
+    words = (
+        f"The relief of the {face} in parallel projection, drawn as clay; heights are exaggerated as the "
+        "figure says."
+    )
+    blocks = [
+        table(csv, header, rows, caption, numbers=(columns, numbers), synthetic=synthetic),
+        figure(drawn, words, synthetic=synthetic, like="Fig. 5c"),
+    ]
     picture = figures.height_maps(maps, work.folder / "height_maps.png", synthetic=synthetic)
     caption = (
         "Height maps of the faces, each as its microscope saw it: x to the right, y up, heights positive "
-        "out of the glass."
+        "out of the glass. Uncertainty of a height: σ in the table above."
     )
-    blocks.append(figure(picture, caption, synthetic=synthetic))
+    blocks.append(figure(picture, caption, synthetic=synthetic, like="Fig. 7"))
     images = {face: image for face in maps if (image := _image(work, face, maps[face])) is not None}
     if images:
         # A picture may be finer than its map, and one face finer than the other.
         pitch = {face: maps[face].field_um[0] / image.shape[1] for face, image in images.items()}
         picture = figures.micrographs(images, pitch, work.folder / "micrographs.png", synthetic=synthetic)
         caption = "The faces in focus everywhere: relative brightness, from the 0.5 % to the 99.5 % quantile."
-        blocks.append(figure(picture, caption, synthetic=synthetic))
+        blocks.append(figure(picture, caption, synthetic=synthetic, like="Fig. 8"))
     return {"synthetic": synthetic, "blocks": blocks}
 
 

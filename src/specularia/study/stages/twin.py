@@ -20,14 +20,15 @@ def twin(work: Work) -> Mapping[str, Any]:
 
     files = make(work.file("settings"), work.folder, seed=work.parameters["seed"])
     truth = json.loads(files.truth.read_text(encoding="utf-8"))
-    rows = [
-        [f"{band}, {words}", *(f"{value:.4f}" for value in found[key])]
+    shown = [
+        (band, words, found[key], found[f"{key}_se"])
         for band, found in truth["tau"].items()
-        for key, words in (("phi_0", "phi_i = 0"), ("azimuth_mean", "mean over phi_i"))
+        for key, words in (("phi_0", "φᵢ = 0"), ("azimuth_mean", "mean over φᵢ"))
     ]
+    rows = [[f"{band}, {words}", *(f"{value:.4f}" for value in tau)] for band, words, tau, _ in shown]
     error = max(max(v) for found in truth["tau"].values() for k, v in found.items() if k.endswith("_se"))
     faces = "; ".join(
-        f"{name}: {100 * face['pitted_share']:.1f} % of the area pitted, relief {face['relief_um']:.1f} um"
+        f"{name}: {100 * face['pitted_share']:.1f} % of the area pitted, relief {face['relief_um']:.1f} µm"
         for name, face in truth["faces"].items()
     )
     caption = (
@@ -35,10 +36,20 @@ def twin(work: Work) -> Mapping[str, Any]:
         f"faces, absorbing glass and {truth['bubbles']:,} bubbles; standard errors are {error:.1g} at most. "
         f"{faces[0].upper()}{faces[1:]}."
     )
-    header = ["tau", *(f"{theta:g}°" for theta in truth["theta_deg"])]
+    theta = [f"{angle:g}" for angle in truth["theta_deg"]]
+    header = ["τ", *(f"{angle}°" for angle in theta)]
+    columns = ["band", "azimuth", *(f"tau_{t}_deg" for t in theta), *(f"se_{t}_deg" for t in theta)]
+    block = table(
+        work.folder / "truth_tau.csv",
+        header,
+        rows,
+        caption,
+        numbers=(columns, [[band, words, *tau, *se] for band, words, tau, se in shown]),
+        synthetic=True,
+    )
     return {
         "synthetic": True,
         "theta_deg": truth["theta_deg"],
         "tau": truth["tau"],
-        "blocks": [table(header, rows, caption, synthetic=True)],
+        "blocks": [block],
     }
