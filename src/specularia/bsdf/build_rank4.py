@@ -310,9 +310,10 @@ def _each_direction(
     if not np.isfinite(rows).all():
         raise PhysicsError(f"the model has no data for {side.replace('_', ' ')} in some incident cells.")
     # The finer the cells, the less a distribution changes within one.
-    tables = isinstance(model, TabulatedModel)
-    means = TabulatedMeans(model, side, n=n, sparse=2.0 if n <= 32 else 4.0) if tables else None
-    within = [0, 1, 2, 3] if n <= 32 or not tables else [0, 3] if n <= 64 else [0]
+    means, within = None, [0, 1, 2, 3]
+    if isinstance(model, TabulatedModel):
+        means = TabulatedMeans(model, side, n=n, sparse=2.0 if n <= 32 else 4.0)
+        within = within if n <= 32 else [0, 3] if n <= 64 else [0]
     cells = np.zeros((n, n, n, n), np.float32)
     for i in range(n):
         for j in range(n):
