@@ -5,14 +5,15 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
 
-from specularia import study
+from specularia import analysis, study
 from specularia.errors import FormatError, OutputError
 from specularia.study.engine import Stage
+from specularia.study.job import ParameterName, StepName
 from specularia.study.new import kind_of
 from specularia.study.sources import Sources
 
@@ -197,6 +198,11 @@ def test_check_reads_the_settings_of_sheet_budget_and_inference(tmp_path: Path) 
     assert len(problems) == 3
     for word, problem in zip(["ink darker", "pane.toml", "none.toml"], problems):
         assert word in problem
+
+
+def test_a_study_may_name_every_step_of_the_budget_and_all_that_can_be_inferred() -> None:
+    assert get_args(StepName) == tuple(analysis.STEPS)
+    assert get_args(ParameterName) == (*analysis.PARAMETERS, "thickness_mm")
 
 
 def test_an_unknown_stage_is_wrong_usage(tmp_path: Path, command: Command) -> None:

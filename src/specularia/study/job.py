@@ -86,7 +86,16 @@ Polar = Annotated[float, Field(ge=0.0, lt=90.0)]
 
 RelativeError = Annotated[float, Field(ge=0.0, lt=10.0)]
 
-StepName = Literal["endless", "polarisation", "absorption", "bubbles", "micro-relief", "tree", "instrument"]
+StepName = Literal[
+    "endless",
+    "polarisation",
+    "absorption",
+    "bubbles",
+    "micro-relief",
+    "diffraction",
+    "tree",
+    "instrument",
+]
 """Steps of the error budget (`analysis.STEPS`)."""
 
 ParameterName = Literal[
@@ -96,8 +105,9 @@ ParameterName = Literal[
     "bubble_elongation",
     "micro_slope_front",
     "micro_slope_back",
+    "thickness_mm",
 ]
-"""What can be inferred (`analysis.PARAMETERS`)."""
+"""What can be inferred (`analysis.PARAMETERS`, and the thickness along with absorption or bubbles)."""
 
 
 class TwinFile(Job):
@@ -208,7 +218,8 @@ class ExplainOptions(Job):
     """GLASS.toml with all that is known of the pane (absorption, bubbles, fine relief); faces given in
     [surface] take the place of its own. That of [glass] if left out."""
     order: Annotated[tuple[StepName, ...], Field(min_length=1)] | None = None
-    """Steps in their order; those not named are left out. All of them if left out."""
+    """Steps in their order; those not named are left out. All of them if left out, but for "diffraction"
+    where the tables are synthetic."""
     patch_mm: Annotated[float, Field(gt=0.0, le=1000.0)] = 8.4
     """Width of the finite patch that the budget begins with."""
     resolution: Annotated[int, Field(ge=5, le=8)] = 6
@@ -228,7 +239,7 @@ class InferOptions(Job):
     """GLASS.toml to begin with: index and thickness; faces given in [surface] take the place of its own. That
     of [glass] if left out."""
     seek: Annotated[tuple[ParameterName, ...], Field(min_length=1)] | None = None
-    """What to infer; everything if left out."""
+    """What to infer; everything but the thickness if left out."""
     priors: dict[ParameterName, tuple[float, float]] = Field({})
     """Lognormal priors in place of the built-in ones: median, and standard deviation of the natural
     logarithm, as { absorption_per_mm = [0.05, 0.7] }."""

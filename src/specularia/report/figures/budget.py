@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 __all__ = ["budget"]
 
-_LABELS: Final = {
+LABELS: Final = {
     "endless": "endless pane",
     "polarisation": "polarisation",
     "absorption": "absorption",
@@ -39,7 +39,7 @@ def budget(found: Budget, path: str | Path) -> Path:
     order.
     """
     path = Path(path)
-    names = [_LABELS.get(s.name, s.name) for s in found.steps]
+    names = [LABELS.get(s.name, s.name) for s in found.steps]
     rows = ["Model C, published", *names, "unexplained", "measured"]
     angles = found.theta_deg.size
     with canvas(1.7 + 1.35 * angles, 0.9 + 3 * (0.17 * len(rows) + 0.55)) as figure:

@@ -15,16 +15,6 @@ if TYPE_CHECKING:
 
 __all__ = ["explain", "infer"]
 
-_SAID = {
-    "endless": "endless pane",
-    "polarisation": "polarisation",
-    "absorption": "absorption",
-    "bubbles": "bubbles",
-    "micro-relief": "relief below the cut-off",
-    "tree": "no tensor tree",
-    "instrument": "instrument",
-}
-
 
 def explain(work: Work) -> Mapping[str, Any]:
     """Go from Model C as published to the measured tables, one cause at a time."""
@@ -88,18 +78,20 @@ def _budget_rows(found: Budget) -> tuple[list[list[str]], list[list[Any]]]:
     """The table of the budget: as it is shown, and in full."""
     import numpy as np
 
+    from specularia.report.figures.budget import LABELS
+
     none = np.full(found.theta_deg.size, np.nan)
     lines: list[tuple[str, Any, Any, bool]] = [
         ("Model C, published", found.start[:, 0], 1.96 * found.start_se[:, 0], False)
     ]
     for s in found.steps:
-        words = _SAID[s.name] + ("" if s.present else " (none known)")
+        words = LABELS[s.name] + ("" if s.present else " (none known)")
         lines.append((words, s.effect[:, 0], s.half_width[:, 0], True))
     lines += [
         ("unexplained", found.remainder[:, 0], found.remainder_half_width[:, 0], True),
         ("measured", found.measured[:, 0], 1.96 * found.measured_se[:, 0], False),
         *(
-            (f"{_SAID[s.name]}, in the other order", s.effect[:, 0], s.half_width[:, 0], True)
+            (f"{LABELS[s.name]}, in the other order", s.effect[:, 0], s.half_width[:, 0], True)
             for s in found.swapped
         ),
         ("L1 distance of the last state", found.l1, none, False),
@@ -223,6 +215,4 @@ def _warnings(found: Inferred) -> str:
     said = [f"The data say little of {n}: its interval is nearly that of the prior." for n in found.open]
     said += [f"{name}: the interval reaches the end of what was traced." for name in found.at_edge]
     said += [f"{a} and {b} are not told apart (correlation {c:+.2f})." for a, b, c in found.twins]
-    if any(n.startswith("bubble") for n in found.names):
-        said.append("Numbers of bubbles are not to be relied on yet: intervals are often too narrow.")
     return " ".join(said) or "No parameter is left open by the data, and no two are taken for each other."
