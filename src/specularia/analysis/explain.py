@@ -31,7 +31,7 @@ from specularia.gonio.cross_validation import distance
 from specularia.gonio.interpolant import Distribution, distribution
 from specularia.progress import task
 
-__all__ = ["STEPS", "Budget", "Published", "Step", "explain"]
+__all__ = ["POWER", "STEPS", "Budget", "Published", "Step", "explain"]
 
 Array = NDArray[np.float64]
 
@@ -47,7 +47,7 @@ STEPS: Final = {
 }
 """Steps in the order in which they are taken, and what each brings in."""
 
-_POWER: Final = {"absorption": 1.0, "bubbles": 1.0, "micro-relief": 2.0}
+POWER: Final = {"absorption": 1.0, "bubbles": 1.0, "micro-relief": 2.0}
 """Steps that grow with a number which is not known exactly, and with which power of it."""
 
 _INCIDENT: Final = 4
@@ -228,10 +228,10 @@ def _check(slab: Slab, order: Sequence[str], unsure: Mapping[str, float]) -> Non
         raise PhysicsError(
             f"steps are {', '.join(STEPS)}, each once at most and one at least, not {', '.join(order)}."
         )
-    odd = [s for s in unsure if s not in _POWER or not 0.0 <= unsure[s] < 10.0]
+    odd = [s for s in unsure if s not in POWER or not 0.0 <= unsure[s] < 10.0]
     if odd:
         raise PhysicsError(
-            f"a relative error of {', '.join(_POWER)} is a number from 0 to 10, not of {', '.join(odd)}."
+            f"a relative error of {', '.join(POWER)} is a number from 0 to 10, not of {', '.join(odd)}."
         )
     cut = "bubbles" in order and "endless" not in order[: order.index("bubbles")]
     if cut and (slab.bubble_kinds or slab.bubbles is not None):
@@ -304,7 +304,7 @@ class _States:
         se = np.empty(a.shape)
         for k, (one, two) in enumerate(zip(before, after)):
             se[k] = standard_error(two.values - one.values)
-        unsure = np.abs(b - a) * relative * _POWER.get(name, 0.0)
+        unsure = np.abs(b - a) * relative * POWER.get(name, 0.0)
         if name == "diffraction" and self.present(name):
             unsure = np.array([d.se for d in self._diffraction()])
         return Step(name, self.present(name), a, b, se, unsure)

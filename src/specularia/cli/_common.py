@@ -11,7 +11,18 @@ from typing import Annotated, Any
 
 import typer
 
-__all__ = ["Cull", "Json", "Quiet", "Resolution", "Seed", "emit", "numbers", "session", "table"]
+__all__ = [
+    "Cull",
+    "Json",
+    "Quiet",
+    "Resolution",
+    "Seed",
+    "emit",
+    "named_numbers",
+    "numbers",
+    "session",
+    "table",
+]
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout and nothing else there.")]
 Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="No progress, no notes.")]
@@ -83,4 +94,19 @@ def numbers(text: str, *, option: str) -> list[float]:
         found = []
     if not found or not all(math.isfinite(x) for x in found):
         raise typer.BadParameter(f"{text!r} is not a list of numbers like 0,20,40", param_hint=option)
+    return found
+
+
+def named_numbers(
+    texts: Sequence[str] | None, *, names: Sequence[str], form: str, option: str
+) -> dict[str, list[float]]:
+    """Numbers by name, as in --prior NAME=MEDIAN,SIGMA, which is `form`; `names` may stand there."""
+    found = {}
+    for text in texts or ():
+        name, _, rest = (part.strip() for part in text.partition("="))
+        if name not in names:
+            raise typer.BadParameter(f"{name!r} is none of {', '.join(names)}", param_hint=option)
+        found[name] = numbers(rest, option=option) if rest else []
+        if len(found[name]) != 1 + form.count(","):
+            raise typer.BadParameter(f"{text!r} is no {form}", param_hint=option)
     return found

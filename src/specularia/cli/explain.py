@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from specularia.cli._common import Json, Quiet, Seed, emit, session, table
+from specularia.cli._common import Json, Quiet, Seed, emit, named_numbers, session, table
 
 __all__ = ["explain"]
 
@@ -63,18 +63,14 @@ def explain(
     from specularia.glass import Patch, read_slab
     from specularia.report import figures
 
-    errors = {}
-    for text in unsure or ():
-        name, _, number = text.partition("=")
-        try:
-            errors[name.strip()] = float(number)
-        except ValueError:
-            raise typer.BadParameter(f"{text!r} is no STEP=SHARE", param_hint="--unsure") from None
+    grown = [n for n in analysis.STEPS if n in analysis.POWER]
+    given = named_numbers(unsure, names=grown, form="STEP=SHARE", option="--unsure")
+    errors = {name: share for name, (share,) in given.items()}
     steps = None if order is None else [s.strip() for s in order.split(",") if s.strip()]
-    for name in [*(steps or ()), *errors]:
+    for name in steps or ():
         if name not in analysis.STEPS:
             raise typer.BadParameter(
-                f"{name!r} is no step; there are {', '.join(analysis.STEPS)}", param_hint="--order, --unsure"
+                f"{name!r} is no step; there are {', '.join(analysis.STEPS)}", param_hint="--order"
             )
     with session(quiet=quiet):
         slab = read_slab(glass, seed=seed)

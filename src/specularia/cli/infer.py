@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from specularia.cli._common import Json, Quiet, Seed, emit, session, table
+from specularia.cli._common import Json, Quiet, Seed, emit, named_numbers, session, table
 
 __all__ = ["infer"]
 
@@ -64,19 +64,13 @@ def infer(
     from specularia.glass.write_settings import write_inferred
     from specularia.report import figures
 
-    priors = {}
-    for text in prior or ():
-        name, _, rest = text.partition("=")
-        try:
-            median, sigma = (float(v) for v in rest.split(","))
-        except ValueError:
-            raise typer.BadParameter(f"{text!r} is no NAME=MEDIAN,SIGMA", param_hint="--prior") from None
-        priors[name.strip()] = analysis.Prior(median, sigma)
-    names = analysis.PARAMETERS if seek is None else tuple(s.strip() for s in seek.split(",") if s.strip())
     known = (*analysis.PARAMETERS, "thickness_mm")
-    for name in [*names, *priors]:
+    given = named_numbers(prior, names=known, form="NAME=MEDIAN,SIGMA", option="--prior")
+    priors = {name: analysis.Prior(*both) for name, both in given.items()}
+    names = analysis.PARAMETERS if seek is None else tuple(s.strip() for s in seek.split(",") if s.strip())
+    for name in names:
         if name not in known:
-            raise typer.BadParameter(f"{name!r} is none of {', '.join(known)}", param_hint="--seek, --prior")
+            raise typer.BadParameter(f"{name!r} is none of {', '.join(known)}", param_hint="--seek")
     with session(quiet=quiet):
         slab = read_slab(glass, seed=seed)
         measured = [t for file in tables for t in gonio.read(file)]
