@@ -73,6 +73,7 @@ class Embed:
 
 
 Block = Paragraph | Figure | TableBlock | Embed
+"""What a section is made of."""
 
 
 @dataclass(frozen=True)
