@@ -100,7 +100,7 @@ def write_tutorial(source: Path) -> None:
     import hooks
 
     if (source / "tutorial.ipynb").exists():
-        hooks.write_notebook(source / "tutorial.ipynb", source / "examples" / "tutorial.md")
+        hooks.write_notebook(source / "tutorial.ipynb", source / "tutorial.md", source / "examples")
 
 
 def no_signature_of_jobs(app: Any, what: str, name: str, thing: Any, *_: Any) -> tuple[str, None] | None:

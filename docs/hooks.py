@@ -84,16 +84,15 @@ def run_cells(notebook: Path, folder: Path) -> list[tuple[str, str, str, list[by
     return out
 
 
-def write_notebook(notebook: Path, page: Path) -> None:
-    """Run a notebook and write it as a page with what it printed and drew; a page that is current stays."""
+def write_notebook(notebook: Path, page: Path, folder: Path) -> None:
+    """Run a notebook in a folder and write its page, with what it printed and drew; a current page stays."""
     digest = hashlib.sha256(notebook.read_bytes()).hexdigest()
     first = f"% made from {notebook.name} {digest}\n"
     if page.exists() and page.read_text(encoding="utf-8").startswith(first):
         return
-    page.parent.mkdir(parents=True, exist_ok=True)
     lines = [first]
     count = 0
-    for kind, text, printed, drawn in run_cells(notebook, page.parent / "work"):
+    for kind, text, printed, drawn in run_cells(notebook, folder / "work"):
         if kind == "markdown":
             lines += [text, ""]
             continue
@@ -102,6 +101,7 @@ def write_notebook(notebook: Path, page: Path) -> None:
             lines += ["```text", printed.rstrip(), "```", ""]
         for picture in drawn:
             count += 1
-            (page.parent / f"{page.stem}_{count}.png").write_bytes(picture)
-            lines += [f"![Figure {count}]({page.stem}_{count}.png)", ""]
+            shown = folder / f"{page.stem}_{count}.png"
+            shown.write_bytes(picture)
+            lines += [f"![Figure {count}]({shown.relative_to(page.parent).as_posix()})", ""]
     page.write_text("\n".join(lines), encoding="utf-8")

@@ -42,7 +42,7 @@ recorded = photometer.write_tables(
     folder / "tables",
     theta_deg=angles,
     points=20_000,
-    aperture_deg=1.0,
+    aperture_deg=1.5,
     relative_noise=0.01,
     shadow=True,
     paths=100_000,
