@@ -1,8 +1,9 @@
-"""Sphinx settings, and the hook that writes the command reference from the program itself."""
+"""Sphinx settings, and the hooks that write the command reference from the program and run the tutorial."""
 
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -10,15 +11,23 @@ from typing import Any
 import specularia
 from specularia.jobs import Job
 
+sys.path.insert(0, str(Path(__file__).parent))  # for hooks.py
+
 project = "specularia"
 author = "The specularia contributors"
 copyright = author
 version = release = specularia.__version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.mathjax", "sphinx.ext.napoleon"]
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.mathjax",
+    "sphinx.ext.napoleon",
+    "sphinx_gallery.gen_gallery",
+]
 myst_enable_extensions = ["dollarmath", "amsmath", "deflist", "colon_fence"]
 myst_heading_anchors = 3
-exclude_patterns = ["_build"]
+exclude_patterns = ["_build", "gallery", "**/work", "sg_execution_times.rst"]
 html_theme = "furo"
 html_title = f"specularia {release}"
 html_static_path: list[str] = []
@@ -33,10 +42,27 @@ napoleon_numpy_docstring = True
 napoleon_use_rtype = False
 napoleon_use_ivar = True
 
+# The scripts in gallery are run, each when it or its page is new; `-D plot_gallery=0` only shows them.
+sphinx_gallery_conf = {
+    "examples_dirs": "gallery",
+    "gallery_dirs": "examples",
+    "filename_pattern": r"\.py$",
+    "within_subsection_order": "FileNameSortKey",
+    "image_scrapers": ("hooks.pictures",),
+    "reset_modules": ("hooks.before_script",),
+    "download_all_examples": False,
+    "show_signature": False,
+    "write_computation_times": False,
+    "min_reported_time": 3600,
+    "capture_repr": (),
+    "remove_config_comments": True,
+}
+
 
 def setup(app: Any) -> None:
-    """Write the command reference before Sphinx looks for pages; take docstrings as they are meant."""
+    """Write the pages that are made before Sphinx looks for them; take docstrings as they are meant."""
     app.connect("config-inited", lambda app, _: write_commands(Path(app.srcdir)))
+    app.connect("config-inited", lambda app, _: write_tutorial(Path(app.srcdir)))
     app.connect("autodoc-process-docstring", plain_text, priority=400)  # before napoleon
     app.connect("autodoc-process-signature", no_signature_of_jobs)
 
@@ -47,9 +73,34 @@ def plain_text(app: Any, what: str, name: str, thing: Any, options: Any, lines: 
     Bars are absolute values, a bracket may follow a name in backquotes, and a colon in the one sentence about
     an attribute does not end a type.
     """
+    if what == "data" and not any(lines):
+        lines[:] = comment_below(name)
     lines[:] = [re.sub(r"(`[^`]+`)(?=[\w(])", r"\1\\ ", line.replace("|", "\\|")) for line in lines]
     if what in ("attribute", "data", "property"):
         lines[:0] = ["..", ""]  # an empty comment, where napoleon looks for the type
+
+
+def comment_below(name: str) -> list[str]:
+    """What stands below a constant in the module that a package takes it from."""
+    from sphinx.pycode import ModuleAnalyzer
+
+    package, _, constant = name.rpartition(".")
+    value = getattr(sys.modules[package], constant)
+    for module in [m for m in sys.modules if m.startswith(f"{package}.")]:
+        if vars(sys.modules[module]).get(constant) is value:
+            analyzer = ModuleAnalyzer.for_module(module)
+            analyzer.analyze()
+            if found := analyzer.attr_docs.get(("", constant)):
+                return list(found)
+    return []
+
+
+def write_tutorial(source: Path) -> None:
+    """Run the notebook and write its page (not kept in the repository)."""
+    import hooks
+
+    if (source / "tutorial.ipynb").exists():
+        hooks.write_notebook(source / "tutorial.ipynb", source / "tutorial.md", source / "examples")
 
 
 def no_signature_of_jobs(app: Any, what: str, name: str, thing: Any, *_: Any) -> tuple[str, None] | None:

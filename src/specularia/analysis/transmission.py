@@ -24,7 +24,9 @@ __all__ = ["CLEAR_SLAB", "MEASURED", "Table1", "TauPoints", "measured_tau", "tab
 Array = NDArray[np.float64]
 
 MEASURED = "measured"
+"""Name of the measurement's row in `Table1`."""
 CLEAR_SLAB = "clear slab"
+"""Name of the row of the flat, clear pane in closed form."""
 
 
 @dataclass(frozen=True)

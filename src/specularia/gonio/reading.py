@@ -45,6 +45,7 @@ READERS = (
     Reader("named columns", named_columns.looks_right, named_columns.parse),
     Reader("pab-opto", pab.looks_right, pab.parse),
 )
+"""Readers in the order in which they are asked."""
 
 
 def read(

@@ -79,6 +79,7 @@ class Embed:
 
 
 Block = Paragraph | Figure | TableBlock | Embed
+"""What a section is made of."""
 
 
 @dataclass(frozen=True)

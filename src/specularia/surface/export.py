@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 
 FORMATS: Final = (".x3p", ".nc", ".obj", ".ply", ".stl")
 MESHES: Final = (".obj", ".ply", ".stl")
+"""Endings of the mesh formats that can be written."""
 
 _LARGEST_FACES = 30_000_000
 

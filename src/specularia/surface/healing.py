@@ -34,6 +34,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Method = Literal["field", "flat", "gaussian", "closing"]
 METHODS = get_args(Method)
+"""Names of the methods of `heal`; the first is the one to use."""
 
 _STAGES = (8, 40, 150, 500)
 """Cosines and sines of the first fits, which throw out the floors of pits."""
