@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from specularia.analysis.cutoff import Cutoff, LobeWidth, cutoff, lobe_width, ray_limit_um, tau_of_paths
-from specularia.analysis.explain import POWER, STEPS, Budget, Published, Step, explain
+from specularia.analysis.explain import STEPS, Budget, Published, Step, explain
 from specularia.analysis.healed import HealedPane, healed_pane, member_slab
 from specularia.analysis.hybrid import hybrid
 from specularia.analysis.infer import PRIORS, HeldOutTau, Inferred, Prior, infer
@@ -23,7 +23,6 @@ __all__ = [
     "CLEAR_SLAB",
     "MEASURED",
     "PARAMETERS",
-    "POWER",
     "PRIORS",
     "STEPS",
     "Budget",

@@ -59,11 +59,12 @@ def explain(
     the lobe and on the background beyond 40 degrees of deflection, with an interval.
     """
     from specularia import analysis, gonio
+    from specularia.analysis.explain import POWER
     from specularia.files import make_folder
     from specularia.glass import Patch, read_slab
     from specularia.report import figures
 
-    grown = [n for n in analysis.STEPS if n in analysis.POWER]
+    grown = [n for n in analysis.STEPS if n in POWER]
     given = named_numbers(unsure, names=grown, form="STEP=SHARE", option="--unsure")
     errors = {name: share for name, (share,) in given.items()}
     steps = None if order is None else [s.strip() for s in order.split(",") if s.strip()]
