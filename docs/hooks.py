@@ -19,7 +19,12 @@ def before_script(gallery_conf: Any, name: str) -> None:
     """Forget nothing of an earlier run but its pictures; show warnings as a reader would want them."""
     _drawn.clear()
     _drawn.update((picture, picture.stat().st_mtime_ns) for picture in Path().rglob("*.png"))
-    warnings.formatwarning = lambda message, *_, **__: f"note: {message}\n"
+    warnings.formatwarning = plain_note
+
+
+def plain_note(message: Warning | str, *_: Any, **__: Any) -> str:
+    """A warning without the file and line it came from."""
+    return f"note: {message}\n"
 
 
 def pictures(block: Any, block_vars: dict[str, Any], gallery_conf: Any) -> str:
@@ -63,7 +68,7 @@ def run_cells(notebook: Path, folder: Path) -> list[tuple[str, str, str, list[by
 
     names: dict[str, Any] = {"__name__": "__main__"}
     out = []
-    before = Path.cwd()
+    before, warnings.formatwarning = (Path.cwd(), warnings.formatwarning), plain_note
     folder.mkdir(parents=True, exist_ok=True)
     os.chdir(folder)
     try:
@@ -71,7 +76,7 @@ def run_cells(notebook: Path, folder: Path) -> list[tuple[str, str, str, list[by
             text = "".join(cell["source"])
             printed, drawn = io.StringIO(), []
             if cell["cell_type"] == "code":
-                with contextlib.redirect_stdout(printed):
+                with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):
                     exec(compile(text, f"{notebook.name}, cell {number}", "exec"), names)
                 for figure in map(plt.figure, plt.get_fignums()):
                     picture = io.BytesIO()
@@ -80,7 +85,8 @@ def run_cells(notebook: Path, folder: Path) -> list[tuple[str, str, str, list[by
                 plt.close("all")
             out.append((cell["cell_type"], text, printed.getvalue(), drawn))
     finally:
-        os.chdir(before)
+        os.chdir(before[0])
+        warnings.formatwarning = before[1]
     return out
 
 
