@@ -201,7 +201,7 @@ def _view(job: StudyJob, sources: Sources, made: tuple[str, ...]) -> Stage:
     files: dict[str, Any] = _files(sources, tables=job.gonio.tables) if job.gonio else {"needs": ()}
     said = job.gonio.model_dump(exclude={"tables"}) if job.gonio else None
     files["needs"] = (*made, *files["needs"])
-    parameters = {"title": job.report.title, "gonio": said}
+    parameters = {"gonio": said}
     return Stage("view", view.interactive, parameters=parameters, **files)
 
 

@@ -33,7 +33,7 @@ def interactive(work: Work) -> Mapping[str, Any]:
         measured=[t for t in tables if sides is None or t.side in sides],
         sides=sides,
         largest_mb=_LARGEST_MB,
-        title=work.parameters["title"],
+        title="Model " + ", ".join(models),
         synthetic=synthetic,
     )
     side = sides[0] if sides else next(iter(models.values())).sides[0]
