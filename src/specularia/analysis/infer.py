@@ -104,6 +104,8 @@ _DISCREPANCY: Final = 0.05
 _LEAST_DISCREPANCY: Final = 0.02
 """The least that is believed of it: maps of one field are not known to tell more. Chosen here."""
 
+_MOST_DISCREPANCY: Final = 0.5
+
 _WALKERS, _STEPS, _BURN = 48, 1500, 500
 
 _DRAWS, _CLIMBS = 2000, 4
@@ -384,7 +386,7 @@ def _sample(
         ln, s = points[:, :-1], np.exp(points[:, -1])
         asked = _at(thickness_mm, names, np.exp(ln))
         inside = np.all((np.log(asked) >= low) & (np.log(asked) <= high), axis=1)
-        inside &= (s > _LEAST_DISCREPANCY) & (s < 0.5)
+        inside &= (s > _LEAST_DISCREPANCY) & (s < _MOST_DISCREPANCY)
         out = np.full(len(points), -np.inf)
         if inside.any():
             off = observed - emulator.log_light(asked[inside])[:, mine]
@@ -406,7 +408,9 @@ def _sample(
     start[:, low.size : -1] = best[low.size : -1] + rng.normal(
         0.0, 1e-4, (_WALKERS, best.size - 1 - low.size)
     )
-    start[:, -1] = np.maximum(start[:, -1], np.log(1.02 * _LEAST_DISCREPANCY))
+    start[:, -1] = np.clip(start[:, -1], np.log(1.02 * _LEAST_DISCREPANCY), np.log(0.98 * _MOST_DISCREPANCY))
+    if not np.all(np.isfinite(log_posterior(start))):
+        raise PhysicsError("no pane within the priors explains the tables; are they of this pane?")
     sampler = emcee.EnsembleSampler(_WALKERS, best.size, log_posterior, vectorize=True)
     sampler._random = np.random.RandomState(np.random.MT19937(np.random.SeedSequence([seed, 6])))
     with task("posterior", _STEPS) as progress:
