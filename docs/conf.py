@@ -99,9 +99,9 @@ def comment_below(name: str) -> list[str]:
 
 def write_tutorial(source: Path) -> None:
     """Run the notebook and write its page (not kept in the repository)."""
-    import hooks
-
     if (source / "tutorial.ipynb").exists():
+        import hooks
+
         hooks.write_notebook(source / "tutorial.ipynb", source / "tutorial.md", source / "examples")
 
 

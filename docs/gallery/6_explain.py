@@ -33,8 +33,8 @@ recorded = photometer.write_tables(
 tables = [table for one in recorded for table in gonio.read(one.path)]
 
 # %%
-# The way from a clear, finite pane with averaged polarisation to the measurement. Absorption is taken as
-# known to 10 %.
+# The way from the pane as the paper computed it (clear, a patch of 8.4 mm, polarisation averaged at every
+# interface, a tensor tree) to the measurement. Absorption is taken as known to 10 %.
 
 found = analysis.explain(pane, tables, unsure={"absorption": 0.1}, aperture_deg=1.5, paths=50_000, seed=2)
 figures.budget(found, folder / "budget.png")
