@@ -48,14 +48,14 @@ room = {
         {"name": "floor at the side", "position_m": [1.3, 2.0, 0], "normal": [0, 0, 1]},
         {"name": "ceiling", "position_m": [2.5, 3, 3], "normal": [0, 0, -1]},
     ],
-    "quality": {"sampling": 0.5, "repeats": 2},
+    "quality": {"sampling": 0.4, "repeats": 2},
 }
 view = {
     "name": "towards the window",
     "position_m": [2.5, 5.7, 1.6],
     "direction": [0, -1, -0.1],
     "horizontal_deg": 60,
-    "size_px": [144, 108],
+    "size_px": [120, 90],
 }
 
 # %%
