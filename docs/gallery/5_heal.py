@@ -30,7 +30,7 @@ pitted = surface.HeightMap(face.decayed_um, pitch, pitch, name="synthetic face")
 # Healing
 # -------
 
-healed = surface.heal(pitted, ensemble=4, seed=1)
+healed = surface.heal(pitted, ensemble=6, seed=1)
 figures.healed(pitted, healed, folder / "healed.png", truth_um=face.pristine_um, synthetic=True)
 
 # %%
@@ -46,7 +46,7 @@ print(f"  members {low:.4f} to {high:.4f}, true {surface.roughness(original).Sdq
 # %%
 # Light through the healed pane
 # -----------------------------
-# One trace for each member: the spread between them is what healing leaves open.
+# One trace for each member: the spread between them is what healing (and the noise of tracing) leaves open.
 
 decayed = glass.Slab(
     thickness_mm=3.0,
@@ -57,11 +57,11 @@ decayed = glass.Slab(
 pristine = replace(decayed, front=glass.Face(face.pristine_um, pitch, pitch))
 members = [healed.member(k) for k in range(len(healed.members))]
 angles = [0, 40, 60]
-traced = healed_pane(decayed, {"front": members}, theta_deg=angles, paths=50_000, seed=1)
+traced = healed_pane(decayed, {"front": members}, theta_deg=angles, paths=100_000, seed=1)
 before = healed_pane(
-    decayed, {"front": [replace(pitted), replace(pitted)]}, theta_deg=angles, paths=50_000, seed=1
+    decayed, {"front": [replace(pitted), replace(pitted)]}, theta_deg=angles, paths=100_000, seed=1
 )
-after = healed_pane(pristine, {"front": [original, original]}, theta_deg=angles, paths=50_000, seed=1)
+after = healed_pane(pristine, {"front": [original, original]}, theta_deg=angles, paths=100_000, seed=1)
 print("angle   lobe of the pane, degrees (full width at half maximum)")
 print("        decayed   healed members   original")
 for k, theta in enumerate(angles):
