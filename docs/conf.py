@@ -32,6 +32,8 @@ html_theme = "furo"
 html_title = f"specularia {release}"
 html_static_path: list[str] = []
 nitpicky = False
+# What a parameter is stands where numpydoc has its type; words of these sentences are no references.
+suppress_warnings = ["ref.python"]
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
@@ -73,8 +75,8 @@ def plain_text(app: Any, what: str, name: str, thing: Any, options: Any, lines: 
     Bars are absolute values, a bracket may follow a name in backquotes, and a colon in the one sentence about
     an attribute does not end a type.
     """
-    if what == "data" and not any(lines):
-        lines[:] = comment_below(name)
+    if what == "data" and (found := comment_below(name)):
+        lines[:] = found  # and not what dict or tuple say of themselves
     lines[:] = [re.sub(r"(`[^`]+`)(?=[\w(])", r"\1\\ ", line.replace("|", "\\|")) for line in lines]
     if what in ("attribute", "data", "property"):
         lines[:0] = ["..", ""]  # an empty comment, where napoleon looks for the type

@@ -38,12 +38,13 @@ def pictures(block: Any, block_vars: dict[str, Any], gallery_conf: Any) -> str:
     folder = block_vars["example_globals"].get("folder")
     if folder is None:
         return ""
-    shown = []
+    shown, names = [], []
     for picture in new_pictures(Path(folder)):
+        names.append(f"{picture.stem.replace('_', ' ')}, synthetic data")
         target = Path(next(block_vars["image_path_iterator"]))
         target.write_bytes(picture.read_bytes())
         shown.append(str(target))
-    return str(figure_rst(shown, gallery_conf["src_dir"]))
+    return str(figure_rst(shown, gallery_conf["src_dir"], "; ".join(names)))
 
 
 def new_pictures(folder: Path) -> list[Path]:

@@ -78,5 +78,5 @@ for theta, tau, rho, absorbed in zip(balance.theta_deg, balance.tau, balance.rho
 # %%
 # The whole model, from both sides: where the light goes.
 
-model = glass.model(pane, theta_deg=[0, 20, 40, 60, 75], paths=50_000, seed=1)
+model = glass.model(pane, theta_deg=[0, 20, 40, 60, 75], paths=30_000, seed=1)
 figures.dsf({"Model C": model}, [0, 40, 60], folder / "dsf.png", synthetic=True)

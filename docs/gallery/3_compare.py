@@ -36,12 +36,12 @@ clear = replace(pane, medium=glass.Medium(index=1.52), bubbles=None)
 # Model M from the tables of a virtual gonio-photometer, Model C from tracing.
 
 recorded = photometer.write_tables(
-    pane, folder / "tables", theta_deg=angles, points=20_000, aperture_deg=1.5, paths=200_000, seed=1
+    pane, folder / "tables", theta_deg=angles, points=20_000, aperture_deg=1.5, paths=100_000, seed=1
 )
 tables = [table for one in recorded for table in gonio.read(one.path)]
 models = {
     "Model M": gonio.fit(tables),
-    "Model C": glass.model(clear, theta_deg=angles, paths=100_000, seed=2),
+    "Model C": glass.model(clear, theta_deg=angles, paths=50_000, seed=2),
 }
 figures.dsf(models, [0, 40, 60], folder / "dsf.png", synthetic=True)
 

@@ -18,15 +18,18 @@ folder = Path("room")
 # %%
 # The pane
 # --------
-# Two pitted faces. What the pane does with light is traced at 18 angles, from both sides.
+# Two faces that are pitted nearly all over. What the pane does with light is traced at 18 angles, from both
+# sides.
 
-settings = twin.TwinSettings(maps={"pixels": 256}, bubbles={"per_cm3": 0})
+settings = twin.TwinSettings(
+    maps={"pixels": 256}, front={"pitted_share": 0.95}, back={"pitted_share": 0.95}, bubbles={"per_cm3": 0}
+)
 chance = np.random.default_rng(1)
 faces = {
     name: twin.make_face(getattr(settings, name), settings.maps.of(name), chance)
     for name in ("front", "back")
 }
-pitted = glass.model(twin.make_slab(faces, settings, seed=1), paths=50_000, seed=1)
+pitted = glass.model(twin.make_slab(faces, settings, seed=1), paths=40_000, seed=1)
 
 # %%
 # The room
@@ -45,14 +48,14 @@ room = {
         {"name": "floor at the side", "position_m": [1.3, 2.0, 0], "normal": [0, 0, 1]},
         {"name": "ceiling", "position_m": [2.5, 3, 3], "normal": [0, 0, -1]},
     ],
-    "quality": {"sampling": 0.35, "repeats": 2},
+    "quality": {"sampling": 0.4, "repeats": 2},
 }
 view = {
     "name": "towards the window",
     "position_m": [2.5, 5.7, 1.6],
     "direction": [0, -1, -0.1],
     "horizontal_deg": 60,
-    "size_px": [112, 84],
+    "size_px": [120, 90],
 }
 
 # %%

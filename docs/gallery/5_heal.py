@@ -46,7 +46,7 @@ print(f"  members {low:.4f} to {high:.4f}, true {surface.roughness(original).Sdq
 # %%
 # Light through the healed pane
 # -----------------------------
-# One trace for each member: the spread between them is what healing leaves open.
+# One trace for each member: the spread between them is what healing (and the noise of tracing) leaves open.
 
 decayed = glass.Slab(
     thickness_mm=3.0,
