@@ -17,6 +17,8 @@ DOCS = Path(__file__).resolve().parents[2] / "docs"
 NO_INTERFACE = ("specularia.cli", "specularia.__main__")
 """Commands have a page of their own, made from the program."""
 
+pytestmark = pytest.mark.slow
+
 
 def public_modules() -> list[ModuleType]:
     """Every package and ground-floor module with public names, and the modules that these name."""
