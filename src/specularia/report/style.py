@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
@@ -15,7 +14,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as Canvas
 from matplotlib.patches import Patch, Rectangle
 
-from specularia.files import atomic
+from specularia.files import atomic, write_csv
 
 __all__ = [
     "COLOURS",
@@ -148,24 +147,6 @@ def numbers_beside(path: str | Path) -> Path | None:
         if candidate.exists():
             return candidate
     return None
-
-
-def write_csv(path: str | Path, header: Sequence[str], rows: Sequence[Sequence[Any]]) -> Path:
-    """Write rows as CSV; floats in their shortest exact form, NaN and None as empty cells."""
-    path = Path(path)
-    with atomic(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as f:
-        writer = csv.writer(f, lineterminator="\n")
-        writer.writerow(header)
-        writer.writerows([[_exact(v) for v in row] for row in rows])
-    return path
-
-
-def _exact(value: Any) -> Any:
-    if isinstance(value, np.generic):
-        value = value.item()
-    if value is None or (isinstance(value, float) and value != value):
-        return ""
-    return repr(value) if isinstance(value, float) else value
 
 
 def write_npz(path: str | Path, arrays: Mapping[str, Any]) -> Path:
