@@ -57,7 +57,7 @@ def specimen(number: int, folder: Path) -> tuple[Slab, Slab, dict[str, float]]:
         faces["true"][side] = Face(
             true, grid.pitch_um, grid.pitch_um, micro_slope=truth[f"micro_slope_{side}"]
         )
-        faces["seen"][side] = Face.from_map(seen, tiling="periodic")
+        faces["seen"][side] = Face.from_map(seen, tiling="periodic", denoise=True)
     kind = BubbleKind(
         per_cm3=truth["bubbles_per_cm3"], median_mm=0.2, sigma=0.4, elongation=3.0, placing="cell"
     )

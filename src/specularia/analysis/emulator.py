@@ -49,8 +49,21 @@ _GUESSES: Final = {0: 1, 1: 12, 2: 40, 3: 64}
 
 _FOLDS: Final = 5
 
+_NOISIEST: Final = 0.5
+"""Relative error by tracing above which, at any guess, a cell is left out."""
+
+_RANK: Final = 1e-7
+"""Singular values below this share of the largest count as none."""
+
 _CORNERS: Final = 16
 """Corners of the box of guesses that are traced, at most."""
+
+_ENCOUNTERS: Final = 0.2
+"""Bubbles that a path meets on the mean in a trace, at least; in most panes it is far fewer, and a trace with
+as many as the pane has would hold little of their light. The paths are weighed back."""
+
+_PILOT: Final = 1600
+"""Paths from which the mean number of bubbles met is read."""
 
 _FINEST: Final = 5e-3
 """Slope below which a lobe is no narrower for the instrument."""
@@ -143,9 +156,9 @@ class Emulator:
     features : of the parameters.
     cells : of each angle.
     coefficients : [T, cells of all angles].
-    noise : [cells of all angles] standard error of the logarithm by tracing.
+    noise : [cells of all angles] standard error of the polynomial by the noise of the traces it goes through.
     misfit : [cells of all angles] rms distance from the polynomial of guesses that it was made without, less
-        the noise.
+        the noise of both.
     """
 
     features: Features
@@ -210,11 +223,16 @@ def emulate(
     rows: list[Array] = []
     light: list[list[Array]] = [[] for _ in summaries]
     with task("traces of possible panes", len(guesses) * len(summaries)) as progress:
-        for slow in guesses:
+        for g, slow in enumerate(guesses):
+            # Each guess has its own random numbers, so that the polynomial is known better than one trace.
+            own = int(np.random.SeedSequence([seed, g]).generate_state(1)[0])
             base = {**slow, **{n: _level(n, ranges[n], 0.0) for n in quick}}
+            if "bubbles_per_cm3" in quick:
+                met = traced(slab, base, summaries[0], _PILOT, own, wavelength_nm).bubbles_expected.mean()
+                base["bubbles_per_cm3"] *= max(_ENCOUNTERS / max(float(met), 1e-9), 1.0)
             for k, summary in enumerate(summaries):
-                found = traced(slab, base, summary, paths, seed, wavelength_nm)
-                found = blurred(found, aperture_deg, np.random.default_rng([seed, k]))
+                found = traced(slab, base, summary, paths, own, wavelength_nm)
+                found = blurred(found, aperture_deg, np.random.default_rng([seed, k, g]))
                 place = places(found, summary.table.polar_deg)
                 for other in grid:
                     wanted = base | {n: _level(n, ranges[n], z) for n, z in zip(quick, other)}
@@ -228,29 +246,44 @@ def emulate(
     number = np.arange(len(guesses))
     corners = min(2 ** (len(names) - len(quick)), _CORNERS)
     fold = np.repeat(np.where(number < corners, -1, number % _FOLDS), len(grid))
+    inner = fold >= 0 if len(guesses) > 1 else np.ones(len(fold), bool)
     cells, coefficients, noises, misfits = [], [], [], []
     for k, summary in enumerate(summaries):
         stack = np.array(light[k])
         mean = stack.mean(axis=1)
         share = mean / mean.sum(axis=1, keepdims=True)
-        used = np.flatnonzero((share > LEAST_SHARE).all(axis=0))
-        logs = np.log(mean[:, used])
-        noise = stack[:, :, used].std(axis=1, ddof=1) / np.sqrt(REPLICATES) / mean[:, used]
+        error = stack.std(axis=1, ddof=1) / np.sqrt(REPLICATES)
+        known = (error < _NOISIEST * mean).all(axis=0)
+        used = np.flatnonzero(known & (np.median(share, axis=0) > LEAST_SHARE))
+        logs, single = np.log(mean[:, used]), error[:, used] / mean[:, used]
+        noise = np.sqrt(np.mean(_propagated(matrix, single, inner, len(guesses)) ** 2, axis=0))
         off = _left_out(matrix, logs, fold) if len(guesses) > 1 else logs - matrix @ _fitted(matrix, logs)
         middle = 0.5 * (RINGS_DEG[:-1] + RINGS_DEG[1:])
         cells.append(Cells(summary.table.polar_deg, used, middle[used // SECTORS]))
         coefficients.append(_fitted(matrix, logs))
-        noises.append(np.sqrt(np.mean(noise**2, axis=0)))
-        inner = fold >= 0 if len(guesses) > 1 else np.ones(len(fold), bool)
-        beyond = np.mean(off[inner] ** 2, axis=0) - np.mean(noise[inner] ** 2, axis=0)
+        noises.append(noise)
+        beyond = np.mean(off[inner] ** 2, axis=0)
+        if len(guesses) > 1:
+            beyond -= np.mean(single[inner] ** 2, axis=0) + noise**2
         misfits.append(np.sqrt(np.maximum(beyond, 1e-8)))
     return Emulator(
         features, tuple(cells), np.hstack(coefficients), np.concatenate(noises), np.concatenate(misfits)
     )
 
 
+def _propagated(matrix: Array, single: Array, at: NDArray[np.bool_], guesses: int) -> Array:
+    """[rows chosen, cells] standard error of the polynomial there.
+
+    `single` [rows, cells] is that of each row by its trace; rows of one guess share its paths, and err
+    together.
+    """
+    weights = (matrix[at] @ np.linalg.pinv(matrix, rcond=_RANK)).reshape(at.sum(), guesses, -1)
+    by_guess = single.reshape(guesses, -1, single.shape[1])
+    return np.sqrt(np.sum(np.einsum("xgj,gjc->xgc", weights, by_guess, optimize=True) ** 2, axis=1))
+
+
 def _fitted(matrix: Array, logs: Array) -> Array:
-    found, *_ = np.linalg.lstsq(matrix, logs, rcond=1e-7)
+    found, *_ = np.linalg.lstsq(matrix, logs, rcond=_RANK)
     return np.asarray(found)
 
 

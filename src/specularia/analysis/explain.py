@@ -1,9 +1,9 @@
 """Why Model C and the measurement differ: from one to the other, one cause at a time.
 
 The budget begins with Model C as it was published: a finite patch with clear sides, s and p averaged, glass
-that absorbs nothing and has no bubbles, and a tensor tree. Each step brings in one thing that the pane or the
-instrument has. All states are traced with the same random numbers, so that the difference of two is known
-better than either.
+that absorbs nothing and has no bubbles, heights with their noise, and a tensor tree. Each step brings in one
+thing that the pane or the instrument has. All states are traced with the same random numbers, so that the
+difference of two is known better than either.
 """
 
 from __future__ import annotations
@@ -40,6 +40,7 @@ STEPS: Final = {
     "polarisation": "polarisation kept along each path",
     "absorption": "absorption of the glass",
     "bubbles": "bubbles and inclusions",
+    "height noise": "heights without the noise of the microscope, which rays take for relief",
     "micro-relief": "relief too fine for the microscope",
     "diffraction": "waves in place of rays, by the scalar model of the same maps",
     "tree": "no tensor tree: single directions in place of its cells, and of the mean over azimuth",
@@ -294,6 +295,7 @@ class _States:
             "absorption": slab.medium.absorption_at(self.wavelength_nm) > 0.0,
             "bubbles": bool(slab.bubble_kinds) or slab.bubbles is not None,
             "micro-relief": slab.front.micro_slope > 0.0 or slab.back.micro_slope > 0.0,
+            "height noise": slab.front.measured_um is not None or slab.back.measured_um is not None,
             "diffraction": not (slab.front.is_flat and slab.back.is_flat),
         }.get(name, True)
 
@@ -430,13 +432,18 @@ class _States:
         if kept not in self.panes:
             slab = self.slab
             clear = Medium(index=slab.medium.index)
+            faces = (slab.front, slab.back)
+            if "height noise" not in kept:
+                faces = (faces[0].as_measured(), faces[1].as_measured())
+            if "micro-relief" not in kept:
+                faces = (replace(faces[0], micro_slope=0.0), replace(faces[1], micro_slope=0.0))
             self.panes[kept] = replace(
                 slab,
                 medium=slab.medium if "absorption" in kept else clear,
                 bubbles=slab.bubbles if "bubbles" in kept else None,
                 bubble_kinds=slab.bubble_kinds if "bubbles" in kept else (),
-                front=slab.front if "micro-relief" in kept else replace(slab.front, micro_slope=0.0),
-                back=slab.back if "micro-relief" in kept else replace(slab.back, micro_slope=0.0),
+                front=faces[0],
+                back=faces[1],
                 polarised=slab.polarised and "polarisation" in kept,
                 incident=slab.incident if "polarisation" in kept else (0.0, 0.0, 0.0),
                 patch=None if "endless" in kept else self.published.patch,

@@ -63,8 +63,8 @@ SECTORS: Final = 3
 _WHOLE_RINGS: Final = 3
 """The innermost rings are not divided: light that nothing deflects has no azimuth there."""
 
-LEAST_SHARE: Final = 5e-4
-"""Cells with less of the transmitted light are left out."""
+LEAST_SHARE: Final = 1.5e-4
+"""Cells with less of the transmitted light, at the middle one of the guesses, are left out."""
 
 _SUB: Final = 8
 

@@ -363,6 +363,50 @@ def heal(
 
 
 @app.command()
+def denoise(
+    path: Map,
+    output: Output,
+    noise: Annotated[
+        float | None,
+        typer.Option(
+            "--noise-um",
+            help="Standard deviation of the noise; without it what the file says of each height.",
+        ),
+    ] = None,
+    pitch: Pitch = None,
+    unit: Unit = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """The map without the noise of its microscope, wherever that noise stands out from the relief.
+
+    Noise of some nanometres from pixel to pixel tilts every facet, and rays take it for relief.
+    """
+    from specularia import surface
+
+    with session(quiet=quiet):
+        noisy = surface.read(path, pitch_um=pitch, unit=unit)
+        made = surface.denoise(noisy, noise_um=noise)
+        before, after = surface.roughness(noisy), surface.roughness(made.surface)
+        surface.write(made.surface, output)
+    payload = {
+        "noise_um": made.noise_um,
+        "removed_um": made.removed_um,
+        "smoothed_share": made.smoothed_share,
+        "rms_sigma_um": surface.rms_sigma(made.surface),
+        "Sdq_before": before.Sdq,
+        "Sdq_after": after.Sdq,
+    }
+    lines = [
+        f"{output}: {made.removed_um:.3g} um rms taken off, of {made.noise_um:.3g} um of noise; "
+        f"{made.smoothed_share:.1%} of the pixels changed",
+        f"rms slope Sdq {before.Sdq:.4g} before, {after.Sdq:.4g} after; "
+        f"rms sigma {payload['rms_sigma_um']:.3g} um",
+    ]
+    emit(payload, as_json=as_json, lines=lines)
+
+
+@app.command()
 def cutoff(
     path: Map,
     output: Annotated[

@@ -13,6 +13,7 @@ from specularia.errors import PhysicsError, SpeculariaWarning
 from specularia.glass import tiling as tilings
 from specularia.glass.thin_film import Film
 from specularia.glass.tiling import Tiling, TilingReport
+from specularia.surface.denoise import denoise as remove_noise
 from specularia.surface.heightmap import HeightMap, filled
 
 __all__ = ["MISSING_LIMIT", "Face", "Tiling"]
@@ -45,6 +46,8 @@ class Face:
     micro_slope : rms slope, along any one direction, of relief too fine for the map, 0 to 0.5. Its slopes are
         Gaussian and add to those of the map at every meeting with light (`kernel.micro_facet`).
     film : thin layers on the surface, see `thin_film.Film`.
+    measured_um : the heights with the noise of the instrument, where `heights_um` is without it
+        (`surface.denoise`); same shape. Only `analysis.explain` looks at it.
     """
 
     heights_um: Array | None
@@ -56,6 +59,7 @@ class Face:
     sealant_index: float | None = None
     micro_slope: float = 0.0
     film: Film | None = None
+    measured_um: Array | None = None
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.micro_slope <= 0.5:
@@ -84,6 +88,10 @@ class Face:
             raise PhysicsError(f"{self.name}: blend needs at least 16 x 16 pixels, not {h.shape}.")
         if not 0.0 <= self.max_missing <= 1.0:
             raise PhysicsError(f"{self.name}: max_missing is a share of 0 to 1, not {self.max_missing}.")
+        if self.measured_um is not None and np.shape(self.measured_um) != h.shape:
+            raise PhysicsError(
+                f"{self.name}: measured_um is {np.shape(self.measured_um)}, the heights are {h.shape}."
+            )
 
     @classmethod
     def flat(
@@ -110,11 +118,17 @@ class Face:
         sealant_index: float | None = None,
         micro_slope: float = 0.0,
         film: Film | None = None,
+        denoise: bool | float = False,
     ) -> Self:
         """The face that a height map describes.
 
         `tiling` None repeats a map whose opposite edges meet as it is, and any other with its mirror image.
+        `denoise` True takes the noise off that the map's `sigma_um` states, a number that many um of it.
         """
+        noisy = None
+        if denoise is not False:
+            noisy = height_map.heights_um
+            height_map = remove_noise(height_map, noise_um=None if denoise is True else denoise).surface
         return cls(
             heights_um=height_map.heights_um,
             pitch_x_um=height_map.pitch_x_um,
@@ -125,6 +139,13 @@ class Face:
             sealant_index=sealant_index,
             micro_slope=micro_slope,
             film=film,
+            measured_um=noisy,
+        )
+
+    def as_measured(self) -> Self:
+        """The face with the noise of its heights, where that was taken off."""
+        return (
+            self if self.measured_um is None else replace(self, heights_um=self.measured_um, measured_um=None)
         )
 
     @property
@@ -206,6 +227,7 @@ class Face:
                 replace(
                     self,
                     heights_um=whole[i * ny : (i + 1) * ny, j * nx : (j + 1) * nx],
+                    measured_um=None,
                     tiling="mirror",
                     name=f"{self.name} [{i}, {j}]",
                 )

@@ -19,6 +19,8 @@ tiling = "periodic"           # periodic | mirror | blend; without it periodic f
 max_missing = 0.05            # a map of which a larger share is missing is refused
 sealant_index = 1.5           # optional: a liquid that fills the relief up to a plane surface
 micro_slope = 0.03            # optional: rms slope, along one direction, of relief too fine for the map
+denoise = true                # optional: the heights without the noise that their file states, or a number:
+                              # without so many um of it
 
 [front.film]                  # optional, on either face: thin layers that follow the surface
 thickness_nm = 300.0          # one number, or a list from the air to the glass
@@ -210,6 +212,9 @@ class FaceJob(Job):
     """Index of a liquid that fills the relief up to a plane surface."""
     micro_slope: Annotated[float, Field(ge=0.0, le=0.5)] = 0.0
     """Rms slope along any one direction of relief that is too fine for the map; Gaussian."""
+    denoise: bool | Positive = False
+    """Whether the noise of the microscope is taken off the heights first, which rays would take for relief:
+    true by the uncertainty that the file holds, or that many um of noise."""
     film: FilmJob | None = None
     """Thin layers that follow the surface."""
 
@@ -422,6 +427,7 @@ def read_slab(path: str | Path, *, seed: int = 0) -> Slab:
             sealant_index=face.sealant_index,
             micro_slope=face.micro_slope,
             film=film,
+            denoise=face.denoise,
         )
     absorption: float | Spectrum
     spectrum_file = job.medium.spectrum_file

@@ -1,5 +1,6 @@
 """Height maps: readers, focus stacks, levelling, roughness, healing."""
 
+from specularia.surface.denoise import Denoised, denoise
 from specularia.surface.describe import Description, describe
 from specularia.surface.export import MESHES, export, slab_mesh
 from specularia.surface.form import flattened, levelled
@@ -19,6 +20,7 @@ __all__ = [
     "FLAGS",
     "MESHES",
     "METHODS",
+    "Denoised",
     "Description",
     "Healed",
     "HeightMap",
@@ -31,6 +33,7 @@ __all__ = [
     "Texture",
     "all_in_focus",
     "check",
+    "denoise",
     "describe",
     "export",
     "filled",
