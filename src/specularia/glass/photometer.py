@@ -310,28 +310,83 @@ def write_tables(
 
 
 @dataclass(frozen=True)
-class _Plane:
+class _Blur:
+    """A Gaussian on a grid, and what it does there.
+
+    Attributes
+    ----------
+    sigma : in cells of the grid.
+    spread_cosine : [cells, cells] the cosine blurred.
+    flat : [cells, cells] what it makes of a BSDF of 1.
+    """
+
+    sigma: float
+    spread_cosine: NDArray[np.float32]
+    flat: NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class _Grid:
     """The hemisphere on an equal-area plane (Lambert's azimuthal projection): v = sqrt(2) sin(theta / 2).
 
     The horizon is the unit circle, a cell has the same solid angle everywhere (2 dv^2), and a Gaussian in
     the plane stands for an aperture of constant solid angle.
+
+    Attributes
+    ----------
+    cells : along each side.
+    cosine : [cells, cells] cos theta_s at the centres, 0 beyond the horizon.
+    blurs : those that are worked out on this grid; wider ones have a coarser one.
     """
 
     cells: int
-    sigmas: tuple[float, ...]  # of the levels, in cells
-    cosine: Array  # cos theta_s at the centres of cells, 0 beyond the horizon
-    spread_cosine: list[NDArray[np.float32]]  # the cosine blurred at each level
-    flat: list[NDArray[np.float32]]  # what each level makes of a BSDF of 1
+    cosine: Array
+    blurs: tuple[_Blur, ...]
+
+    @classmethod
+    def of(cls, cells: int, sigmas: Sequence[float]) -> _Grid:
+        v = (np.arange(cells) - 0.5 * cells + 0.5) * (2.0 * _PADDED / cells)
+        # cos theta = 1 - v^2
+        cosine = np.clip(1.0 - v[:, None] ** 2 - v[None, :] ** 2, 0.0, None)
+        spectrum = _spectrum(cosine)
+        blurs = []
+        for s in sigmas:
+            c = np.clip(_blurred(spectrum, s, cells), 1e-6, None)
+            flat = np.clip(_blurred(_spectrum(cosine / c), s, cells), 1e-3, None)
+            blurs.append(_Blur(s, c.astype(np.float32), flat.astype(np.float32)))
+        return cls(cells, cosine, tuple(blurs))
 
     @property
     def step(self) -> float:
         return 2.0 * _PADDED / self.cells
 
-    def position(self, ux: Array, uy: Array, cosine: Array) -> tuple[Array, Array]:
-        """Place of a direction in cells; whole numbers are centres."""
-        scale = 1.0 / (np.sqrt(1.0 + cosine) * self.step)
-        middle = 0.5 * self.cells - 0.5
-        return ux * scale + middle, uy * scale + middle
+    @property
+    def solid_angle(self) -> float:
+        """Of a cell, sr."""
+        return 2.0 * self.step**2
+
+    def place(self, v: Array) -> Array:
+        """[2, N] row and column, counted in cells, of places (y, x); whole numbers are centres."""
+        return np.asarray(v / self.step + (0.5 * self.cells - 0.5), float)
+
+    def cell(self, v: Array) -> NDArray[np.intp]:
+        """[N] number of the cell that holds a place."""
+        row, column = np.rint(self.place(v)).astype(np.intp)
+        return np.asarray(row * self.cells + column)
+
+    def centres(self) -> Array:
+        """[2, N] places of all cells within the horizon."""
+        row, column = np.nonzero(self.cosine > 0.0)
+        return np.asarray((np.stack([row, column]) - (0.5 * self.cells - 0.5)) * self.step, float)
+
+    def summed(self, cell: NDArray[np.intp], values: Array) -> Array:
+        """[cells, cells] values added up in their cells."""
+        n = self.cells
+        return np.bincount(cell, weights=values, minlength=n * n).astype(float).reshape(n, n)
+
+    def read(self, field: NDArray[np.floating], v: Array, order: int = 1) -> Array:
+        """[N] a field at places."""
+        return np.asarray(ndimage.map_coordinates(field, self.place(v), order=order, mode="nearest"), float)
 
 
 def _blurred(spectrum: NDArray[np.complex128], sigma: float, cells: int) -> Array:
@@ -348,25 +403,30 @@ def _spectrum(values: Array) -> NDArray[np.complex128]:
 
 
 @lru_cache(maxsize=1)
-def _plane(aperture_deg: float) -> _Plane:
-    """The plane and its levels of blur for an aperture (full width at half maximum)."""
+def _grids(aperture_deg: float) -> tuple[_Grid, ...]:
+    """Grids, each with half the cells of the one before, and on them the levels of blur for an aperture.
+
+    The first level is that of the aperture (full width at half maximum), each further one wider by sqrt(2).
+    """
     sigma = math.radians(aperture_deg) / math.sqrt(8.0 * math.log(2.0)) / _RATIO
     widest = max(math.radians(_WIDEST_DEG) / _RATIO, sigma)
-    cells = fft.next_fast_len(math.ceil(2.0 * _PADDED * _CELLS_PER_SIGMA / sigma), real=True)
-    cells += cells % 2
-    step = 2.0 * _PADDED / cells
     levels = 1 + math.ceil(math.log(widest / sigma) / math.log(_RATIO))
-    sigmas = tuple(sigma / step * _RATIO**k for k in range(levels))
-    v = (np.arange(cells) - 0.5 * cells + 0.5) * step
-    # cos theta = 1 - v^2
-    cosine = np.clip(1.0 - v[:, None] ** 2 - v[None, :] ** 2, 0.0, None)
-    spectrum = _spectrum(cosine)
-    spread, flat = [], []
-    for s in sigmas:
-        c = np.clip(_blurred(spectrum, s, cells), 1e-6, None)
-        spread.append(c.astype(np.float32))
-        flat.append(np.clip(_blurred(_spectrum(cosine / c), s, cells), 1e-3, None).astype(np.float32))
-    return _Plane(cells, sigmas, cosine, spread, flat)
+    # Halved where a level is at least twice as wide as the first one would be on the coarser grid.
+    halved = [max(math.floor(0.5 * k - 1.0), 0) for k in range(levels)]
+    block = 2 ** halved[-1]
+    least = 2.0 * _PADDED * _CELLS_PER_SIGMA / sigma
+    cells = block * fft.next_fast_len(math.ceil(least / block), real=True)
+    cells += cells % 2
+    first = sigma / (2.0 * _PADDED / cells)
+    return tuple(
+        _Grid.of(cells // 2**j, [first * _RATIO**k / 2**j for k in range(levels) if halved[k] == j])
+        for j in range(halved[-1] + 1)
+    )
+
+
+def _in_plane(ux: Array, uy: Array, cosine: Array) -> Array:
+    """[2, N] places (y, x) of directions."""
+    return np.stack([uy, ux]) / np.sqrt(1.0 + cosine)
 
 
 def density(
@@ -409,46 +469,81 @@ def density(
     if not 0.3 <= aperture_deg <= 10.0:
         raise PhysicsError(f"an aperture of {aperture_deg:g} degrees: give 0.3 to 10.")
     ux, uy = np.asarray(ux, float), np.asarray(uy, float)
-    plane = _plane(float(aperture_deg))
-    n = plane.cells
-    x, y = plane.position(ux, uy, np.sqrt(np.clip(1.0 - ux * ux - uy * uy, 0.0, None)))
-    cell = np.rint(y).astype(np.intp) * n + np.rint(x).astype(np.intp)
-    counts = np.bincount(cell, minlength=n * n).astype(float).reshape(n, n)
-    light = np.bincount(cell, weights=weight, minlength=n * n).reshape(n, n)
-    level = _levels(counts, plane, least_paths)
-    # Of two neighbouring levels each takes its share, so widths change gradually from place to place.
-    shares = [np.clip(1.0 - np.abs(level - k), 0.0, None) for k in range(len(plane.sigmas))]
-    bsdf, flat = np.zeros((n, n)), np.zeros((n, n))
-    for share, sigma, spread, response in zip(shares, plane.sigmas, plane.spread_cosine, plane.flat):
-        bsdf += _blurred(_spectrum(share * light / spread), sigma, n)
-        flat += share * response
-    bsdf = np.where(plane.cosine > 0.0, np.clip(bsdf, 0.0, None) / flat, 0.0)
-    solid_angle = 2.0 * plane.step**2
-    total = float(np.sum(bsdf * plane.cosine)) * solid_angle
-    if total > 0.0:
-        bsdf *= float(np.sum(weight)) / paths / total
+    grids = _grids(float(aperture_deg))
+    left = _in_plane(ux, uy, np.sqrt(np.clip(1.0 - ux * ux - uy * uy, 0.0, None)))
+    # Paths that left into one cell of the finest grid are spread as one.
+    cell, which = np.unique(grids[0].cell(left), return_inverse=True)
+    light, number = np.bincount(which, weights=weight), np.bincount(which).astype(float)
+    n = grids[0].cells
+    origin = (np.stack(np.divmod(cell, n)) - (0.5 * n - 0.5)) * grids[0].step
     theta_s, phi_s = directions
     sx, sy, sz = direction_cosines(theta_s, phi_s)
-    at = plane.position(sx, sy, np.abs(sz))
-    out: Array = ndimage.map_coordinates(bsdf, [at[1], at[0]], order=3, mode="constant")
-    return np.clip(out, 0.0, None)
+    wanted = _in_plane(sx, sy, np.abs(sz))
+    # The integral is taken over a grid that is coarse, and fine enough for what is divided out.
+    whole = grids[min(2, len(grids) - 1)]
+    everywhere = whole.centres()
+    held = _held(grids, origin, number)
+    shares = [_shares(held, at, least_paths) for at in (origin, wanted, everywhere)]
+    bsdf = [np.zeros((g.cells, g.cells)) for g in grids]
+    flat: Array = np.zeros(wanted.shape[1])
+    flat_everywhere: Array = np.zeros(everywhere.shape[1])
+    k = 0
+    for grid, total in zip(grids, bsdf):
+        at = grid.cell(origin)
+        for blur in grid.blurs:
+            spread = blur.spread_cosine.ravel()[at]
+            total += _blurred(
+                _spectrum(grid.summed(at, shares[0][k] * light / spread)), blur.sigma, grid.cells
+            )
+            flat = flat + shares[1][k] * grid.read(blur.flat, wanted)
+            flat_everywhere = flat_everywhere + shares[2][k] * grid.read(blur.flat, everywhere)
+            k += 1
+        total /= grid.solid_angle / grids[0].solid_angle
+    found = sum(g.read(b, wanted, order=3) for g, b in zip(grids, bsdf)) / flat
+    summed = sum(_averaged(g, b, whole, everywhere) for g, b in zip(grids, bsdf)) / flat_everywhere
+    cosine = 1.0 - np.sum(everywhere**2, axis=0)
+    integral = float(np.sum(np.clip(summed, 0.0, None) * cosine)) * whole.solid_angle
+    if integral > 0.0:
+        found = found * (float(np.sum(weight)) / paths / integral)
+    return np.asarray(np.clip(found, 0.0, None))
 
 
-def _levels(counts: Array, plane: _Plane, least_paths: int) -> Array:
-    """Level of blur (a real number) that collects enough paths around each cell."""
-    spectrum = _spectrum(counts)
-    last = len(plane.sigmas) - 1
-    level = np.full(counts.shape, float(last))
-    # Paths under a kernel (a Gaussian counts as 4 pi sigma^2 cells), over the cosine: widths follow the BSDF,
-    # as the square root law wants, and do not grow towards the horizon by themselves.
-    held = [
-        np.log(np.clip(4.0 * math.pi * s * s * _blurred(spectrum, s, plane.cells) / cosine, 1e-3, None))
-        for s, cosine in zip(plane.sigmas, plane.spread_cosine)
-    ]
+def _averaged(grid: _Grid, field: Array, onto: _Grid, at: Array) -> Array:
+    """[N] a field's means over the cells of a grid that is no finer, or its values there."""
+    if grid.cells <= onto.cells:
+        return grid.read(field, at)
+    k = grid.cells // onto.cells
+    means = field.reshape(onto.cells, k, onto.cells, k).mean(axis=(1, 3))
+    return np.asarray(means[onto.cosine > 0.0])
+
+
+def _held(grids: Sequence[_Grid], origin: Array, number: Array) -> list[tuple[_Grid, Array]]:
+    """At each level of blur, logarithm of the number of paths under its kernel over the cosine.
+
+    A Gaussian counts as 4 pi sigma^2 cells. Over the cosine: widths follow the BSDF, as the square root law
+    wants, and do not grow towards the horizon by themselves.
+    """
+    out = []
+    for grid in grids:
+        spectrum = _spectrum(grid.summed(grid.cell(origin), number))
+        for blur in grid.blurs:
+            under = 4.0 * math.pi * blur.sigma**2 * _blurred(spectrum, blur.sigma, grid.cells)
+            out.append((grid, np.log(np.clip(under / blur.spread_cosine, 1e-3, None))))
+    return out
+
+
+def _shares(held: Sequence[tuple[_Grid, Array]], at: Array, least_paths: int) -> list[Array]:
+    """Share of each level of blur at places: of two neighbouring levels each takes its part.
+
+    So widths change gradually from place to place; together they gather `least_paths`.
+    """
     wanted = math.log(least_paths)
+    there = [grid.read(field, at) for grid, field in held]
+    last = len(there) - 1
+    level = np.full(at.shape[1], float(last))
     for k in range(last, 0, -1):
-        between = (held[k] >= wanted) & (held[k - 1] < wanted)
-        part = (wanted - held[k - 1]) / np.where(between, held[k] - held[k - 1], 1.0)
+        between = (there[k] >= wanted) & (there[k - 1] < wanted)
+        part = (wanted - there[k - 1]) / np.where(between, there[k] - there[k - 1], 1.0)
         level[between] = (k - 1 + part)[between]
-    level[held[0] >= wanted] = 0.0
-    return level
+    level[there[0] >= wanted] = 0.0
+    return [np.clip(1.0 - np.abs(level - k), 0.0, None) for k in range(last + 1)]
