@@ -26,7 +26,7 @@ from specularia.twin import TwinSettings, make_face, microscope
 
 SOUGHT = ("absorption_per_mm", "bubbles_per_cm3", "micro_slope_front", "micro_slope_back")
 THETA = (0.0, 20.0, 40.0, 60.0)
-PATHS, TRUTH_PATHS, LEAST_PATHS = 40_000, 8_000_000, 300
+PATHS, TRUTH_PATHS, LEAST_PATHS = 80_000, 8_000_000, 300
 APERTURE_DEG = 0.6
 
 

@@ -31,7 +31,7 @@ from specularia.glass.effort import REPLICATES
 from specularia.gonio import Summary
 from specularia.progress import task
 
-__all__ = ["Emulator", "Features", "emulate"]
+__all__ = ["COARSE", "FINE", "Design", "Emulator", "Features", "emulate"]
 
 Array = NDArray[np.float64]
 
@@ -39,26 +39,45 @@ _QUICK: Final = ("absorption_per_mm", "bubbles_per_cm3")
 _LEVELS: Final = (-1.0, -0.33, 0.33, 1.0)
 """Of a quick parameter, over its range, at every traced guess."""
 
-_POWERS: Final = {"w": 4, "front": 2, "absorption_per_mm": 3, "bubbles_per_cm3": 3}
-"""Highest power of a feature; 2 of those not named. Products are of two features, up to degree 4."""
 
-_DEGREE: Final = 4
+@dataclass(frozen=True)
+class Design:
+    """How densely guesses lie, and of what degree the polynomial is.
 
-_GUESSES: Final = {0: 1, 1: 12, 2: 40, 3: 64}
-"""Traces at each angle, by the number of slow parameters; 96 for more."""
+    Attributes
+    ----------
+    powers : highest power of a feature; 2 of those not named. Products are of two features.
+    degree : highest of a product.
+    guesses : traces at each angle, by the number of slow parameters; the last is for any more.
+    """
+
+    powers: Mapping[str, int]
+    degree: int
+    guesses: tuple[int, ...]
+
+
+COARSE: Final = Design(
+    {"w": 4, "front": 3, "absorption_per_mm": 3, "bubbles_per_cm3": 3}, 4, (1, 12, 40, 64, 96)
+)
+"""Over all that a prior allows."""
+
+FINE: Final = Design(
+    {"w": 2, "front": 2, "absorption_per_mm": 3, "bubbles_per_cm3": 3}, 3, (1, 8, 20, 32, 56)
+)
+"""Over a small part of it."""
 
 _FOLDS: Final = 5
-
-_NOISIEST: Final = 0.5
-"""Relative error by tracing above which, at any guess, a cell is left out."""
 
 _RANK: Final = 1e-7
 """Singular values below this share of the largest count as none."""
 
+_NOISIEST: Final = 0.5
+"""Relative error by tracing above which, at any guess, a cell is left out."""
+
 _CORNERS: Final = 16
 """Corners of the box of guesses that are traced, at most."""
 
-_ENCOUNTERS: Final = 0.2
+_ENCOUNTERS: Final = 0.04
 """Bubbles that a path meets on the mean in a trace, at least; in most panes it is far fewer, and a trace with
 as many as the pane has would hold little of their light. The paths are weighed back."""
 
@@ -79,6 +98,7 @@ class Features:
     core : variance of the gentler half of the slopes of both maps along one direction.
     fixed : micro-slopes of the front and the back where they are not sought.
     centre, scale : [F] so that features run over about -1 to 1.
+    design : that of the polynomial.
     """
 
     names: tuple[str, ...]
@@ -86,12 +106,14 @@ class Features:
     fixed: tuple[float, float]
     centre: Array
     scale: Array
+    design: Design
 
     @classmethod
-    def of(cls, slab: Slab, ranges: Mapping[str, tuple[float, float]]) -> Features:
+    def of(cls, slab: Slab, ranges: Mapping[str, tuple[float, float]], design: Design) -> Features:
         names = tuple(ranges)
         core = _FINEST**2 + sum(_gentle_variance(f) for f in (slab.front, slab.back))
-        raw = cls(names, core, (slab.front.micro_slope, slab.back.micro_slope), np.zeros(1), np.ones(1))
+        fixed = (slab.front.micro_slope, slab.back.micro_slope)
+        raw = cls(names, core, fixed, np.zeros(1), np.ones(1), design)
         corners = np.array(list(product(*(ranges[n] for n in names))))
         found = raw.raw(corners)
         low, high = found.min(axis=0), found.max(axis=0)
@@ -129,12 +151,13 @@ class Features:
     @property
     def terms(self) -> tuple[tuple[int, ...], ...]:
         """Powers of the features in each term of the polynomial, [T, F]."""
-        most = [_POWERS.get(n, 2) for n in self.columns]
+        most = [self.design.powers.get(n, 2) for n in self.columns]
         every = product(*(range(m + 1) for m in most))
         return tuple(
             t
             for t in every
-            if sum(p > 0 for p in t) <= 2 and sum(t) <= (_DEGREE if sum(p > 0 for p in t) == 2 else max(most))
+            if sum(p > 0 for p in t) <= 2
+            and sum(t) <= (self.design.degree if sum(p > 0 for p in t) == 2 else max(most))
         )
 
 
@@ -156,7 +179,8 @@ class Emulator:
     features : of the parameters.
     cells : of each angle.
     coefficients : [T, cells of all angles].
-    noise : [cells of all angles] standard error of the polynomial by the noise of the traces it goes through.
+    noise : [cells of all angles] standard error of the polynomial by the noise of the traces it goes through,
+        on the mean over the guesses.
     misfit : [cells of all angles] rms distance from the polynomial of guesses that it was made without, less
         the noise of both.
     """
@@ -204,6 +228,7 @@ def emulate(
     seed: int,
     wavelength_nm: float,
     aperture_deg: float,
+    design: Design = COARSE,
 ) -> Emulator:
     """Trace a pane at a design of guesses, and lay a polynomial through the light in each cell.
 
@@ -214,17 +239,19 @@ def emulate(
     ranges : lowest and highest value of each parameter that is sought.
     paths, seed, wavelength_nm : of every trace.
     aperture_deg : full width at half maximum of the instrument's response, which blurs all directions.
+    design : of the guesses and the polynomial.
     """
     names = tuple(ranges)
-    features = Features.of(slab, ranges)
+    features = Features.of(slab, ranges, design)
     quick = [n for n in names if n in _QUICK]
-    guesses = _guesses({n: r for n, r in ranges.items() if n not in _QUICK}, seed)
+    guesses = _guesses({n: r for n, r in ranges.items() if n not in _QUICK}, design, seed)
     grid = list(product(_LEVELS, repeat=len(quick)))
     rows: list[Array] = []
     light: list[list[Array]] = [[] for _ in summaries]
     with task("traces of possible panes", len(guesses) * len(summaries)) as progress:
         for g, slow in enumerate(guesses):
-            # Each guess has its own random numbers, so that the polynomial is known better than one trace.
+            # Each guess has its own random numbers: where relief is rough, common ones would not keep paths
+            # together, and what is independent averages out.
             own = int(np.random.SeedSequence([seed, g]).generate_state(1)[0])
             base = {**slow, **{n: _level(n, ranges[n], 0.0) for n in quick}}
             if "bubbles_per_cm3" in quick:
@@ -246,7 +273,10 @@ def emulate(
     number = np.arange(len(guesses))
     corners = min(2 ** (len(names) - len(quick)), _CORNERS)
     fold = np.repeat(np.where(number < corners, -1, number % _FOLDS), len(grid))
+    # Rows of one guess share its paths, and err together.
+    weights = np.linalg.pinv(matrix, rcond=_RANK).T.reshape(len(guesses), len(grid), -1).sum(axis=1)
     inner = fold >= 0 if len(guesses) > 1 else np.ones(len(fold), bool)
+    leverage = float(np.mean(np.sum((matrix[inner] @ weights.T) ** 2, axis=1)))
     cells, coefficients, noises, misfits = [], [], [], []
     for k, summary in enumerate(summaries):
         stack = np.array(light[k])
@@ -256,30 +286,23 @@ def emulate(
         known = (error < _NOISIEST * mean).all(axis=0)
         used = np.flatnonzero(known & (np.median(share, axis=0) > LEAST_SHARE))
         logs, single = np.log(mean[:, used]), error[:, used] / mean[:, used]
-        noise = np.sqrt(np.mean(_propagated(matrix, single, inner, len(guesses)) ** 2, axis=0))
         off = _left_out(matrix, logs, fold) if len(guesses) > 1 else logs - matrix @ _fitted(matrix, logs)
         middle = 0.5 * (RINGS_DEG[:-1] + RINGS_DEG[1:])
         cells.append(Cells(summary.table.polar_deg, used, middle[used // SECTORS]))
         coefficients.append(_fitted(matrix, logs))
-        noises.append(noise)
+        variance = np.mean(single[inner] ** 2, axis=0)
+        noises.append(np.sqrt(leverage * variance))
         beyond = np.mean(off[inner] ** 2, axis=0)
         if len(guesses) > 1:
-            beyond -= np.mean(single[inner] ** 2, axis=0) + noise**2
+            beyond -= (1.0 + leverage) * variance
         misfits.append(np.sqrt(np.maximum(beyond, 1e-8)))
     return Emulator(
-        features, tuple(cells), np.hstack(coefficients), np.concatenate(noises), np.concatenate(misfits)
+        features,
+        tuple(cells),
+        np.hstack(coefficients),
+        np.concatenate(noises),
+        np.concatenate(misfits),
     )
-
-
-def _propagated(matrix: Array, single: Array, at: NDArray[np.bool_], guesses: int) -> Array:
-    """[rows chosen, cells] standard error of the polynomial there.
-
-    `single` [rows, cells] is that of each row by its trace; rows of one guess share its paths, and err
-    together.
-    """
-    weights = (matrix[at] @ np.linalg.pinv(matrix, rcond=_RANK)).reshape(at.sum(), guesses, -1)
-    by_guess = single.reshape(guesses, -1, single.shape[1])
-    return np.sqrt(np.sum(np.einsum("xgj,gjc->xgc", weights, by_guess, optimize=True) ** 2, axis=1))
 
 
 def _fitted(matrix: Array, logs: Array) -> Array:
@@ -296,14 +319,14 @@ def _left_out(matrix: Array, logs: Array, fold: NDArray[np.intp]) -> Array:
     return off
 
 
-def _guesses(ranges: Mapping[str, tuple[float, float]], seed: int) -> list[dict[str, float]]:
+def _guesses(ranges: Mapping[str, tuple[float, float]], design: Design, seed: int) -> list[dict[str, float]]:
     """Values of the slow parameters: the corners of their box, then a Sobol sequence inside."""
     from scipy.stats import qmc
 
     names = tuple(ranges)
     if not names:
         return [{}]
-    count = _GUESSES.get(len(names), 96)
+    count = design.guesses[min(len(names), len(design.guesses) - 1)]
     corners = np.array(list(product((0.0, 1.0), repeat=len(names))))
     if len(corners) > _CORNERS:
         corners = corners[np.random.default_rng([seed, 3]).permutation(len(corners))[:_CORNERS]]

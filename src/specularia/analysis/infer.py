@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from specularia.analysis.emulator import Emulator, emulate
+from specularia.analysis.emulator import COARSE, FINE, Emulator, emulate
 from specularia.analysis.infer_design import (
     PARAMETERS,
     PER_LENGTH,
@@ -80,11 +80,19 @@ _REACH: Final = 1.7
 """Standard deviations of the prior that the traced designs reach on either side; beyond, the polynomial is
 not trusted and the posterior is cut off."""
 
-_STAGES: Final = 4
+_STAGES: Final = 5
 """Designs one after the other, at most: over all of the prior, then over what the last left possible."""
 
-_SETTLED: Final = 0.6
-"""Where no range shrinks to less than this share of itself, no further design is traced."""
+_FEWER, _LEAST_PATHS = 4, 3200
+"""The first design takes so many times fewer paths, and no fewer than that."""
+
+_SETTLED: Final = 0.75
+"""Where no range shrinks to less than this share of itself, or moves by more than a twentieth of it, no
+further design is traced."""
+
+_MARGIN, _LEAST_MARGIN = 0.5, 0.2
+"""What a range reaches beyond the 99 % interval: this share of the interval's length in the logarithm, and
+so much at least."""
 
 _ALIKE: Final = 0.5
 """Discrepancies of two cells are alike by exp(-|difference of ln(deflection)| / this); between angles of
@@ -195,7 +203,7 @@ def infer(
     scale_error: float = 0.005,
     hold_out: bool = True,
     aperture_deg: float = 0.3,
-    paths: int = 100_000,
+    paths: int = 160_000,
     seed: int = 0,
     wavelength_nm: float = 520.0,
 ) -> Inferred:
@@ -213,7 +221,7 @@ def infer(
     scale_error : relative standard error of the scale that all tables share (calibration).
     hold_out : whether each table but the first and the last is predicted from the others.
     aperture_deg : full width at half maximum of the instrument's angular response.
-    paths : of each trace and angle.
+    paths : of each trace and angle; a first design, over all of the priors, takes a quarter.
     seed : of tracing and sampling.
     wavelength_nm : of the light.
 
@@ -249,16 +257,17 @@ def infer(
             slab,
             summaries,
             ranges,
-            paths=paths,
+            paths=paths if stage else max(paths // _FEWER, _LEAST_PATHS),
             seed=seed,
             wavelength_nm=wavelength_nm,
             aperture_deg=aperture_deg,
+            design=FINE if stage else COARSE,
         )
         data = _Data(emulator, summaries, scale_error)
         samples, discrepancy = _sample(emulator, data, kept, ranges, everything, seed, slab.thickness_mm)
         if stage < _STAGES - 1:
-            closer = _closer(emulator.names, _at(slab.thickness_mm, seek, samples), ranges)
-            if all(np.ptp(np.log(closer[n])) > _SETTLED * np.ptp(np.log(ranges[n])) for n in ranges):
+            closer = _closer(emulator.names, _at(slab.thickness_mm, seek, samples), whole)
+            if stage and all(_settled(np.log(ranges[n]), np.log(closer[n])) for n in ranges):
                 break
             ranges = closer
     held = []
@@ -300,17 +309,26 @@ def _at(thickness_mm: float, names: Sequence[str], values: Array) -> Array:
 
 
 def _closer(
-    names: Sequence[str], samples: Array, ranges: Mapping[str, tuple[float, float]]
+    names: Sequence[str], samples: Array, whole: Mapping[str, tuple[float, float]]
 ) -> dict[str, tuple[float, float]]:
-    """Ranges around what a first, coarse polynomial left possible: its 99 % interval, as much again on either
-    side, and a third at least."""
+    """Ranges around what a coarser polynomial left possible, within those of the prior.
+
+    They may reach beyond the last ones: a coarse polynomial may have been wrong.
+    """
     found = {}
     for i, name in enumerate(names):
         low, high = np.quantile(np.log(samples[:, i]), [0.005, 0.995])
-        more = max(high - low, 0.35)
-        a, b = np.log(ranges[name])
+        more = max(_MARGIN * (high - low), _LEAST_MARGIN)
+        a, b = np.log(whole[name])
         found[name] = (float(np.exp(max(low - more, a))), float(np.exp(min(high + more, b))))
     return found
+
+
+def _settled(last: Array, now: Array) -> bool:
+    """Whether a range is about the last one: hardly shorter, and not beyond it."""
+    length = last[1] - last[0]
+    beyond = max(last[0] - now[0], now[1] - last[1])
+    return bool(now[1] - now[0] > _SETTLED * length and beyond < 0.05 * length)
 
 
 class _Data:
@@ -347,20 +365,27 @@ class _Data:
         self.alike = alike * dim[:, None] * dim
         self.scale = scale_error**2
 
-    def prepared(self, of: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], Array, Array]:
-        """Cells of the angles chosen, and the basis in which all parts of the covariance are diagonal.
+    def log_likelihood(self, emulator: Emulator, of: NDArray[np.bool_]) -> Callable[[Array, Array], Array]:
+        """Function of values [N, P] and discrepancies [N], from the angles chosen.
 
-        K = s^2 A + D, D = own errors, the polynomial's misfit and the common scale: with D = L L^T and
-        L^-1 A L^-T = Q w Q^T, K^-1 is T^T diag(1 / (1 + s^2 w)) T with T = Q^T L^-1, and
-        ln |K| = ln |D| + sum ln(1 + s^2 w).
+        In one basis all parts of the covariance are diagonal. K = s^2 A + D, D = own errors, the polynomial's
+        misfit and the common scale: with D = L L^T and L^-1 A L^-T = Q w Q^T, K^-1 is
+        T^T diag(1 / (1 + s^2 w)) T with T = Q^T L^-1, and ln |K| = ln |D| + sum ln(1 + s^2 w).
         """
         mine = of[self.angle]
+        observed = self.log_light[mine]
         d = np.diag(self.own[mine]) + self.scale + self.misfit[np.ix_(mine, mine)]
         lower = np.linalg.cholesky(d)
         half = np.linalg.solve(lower, self.alike[np.ix_(mine, mine)])
         w, q = np.linalg.eigh(np.linalg.solve(lower, half.T))
-        basis = np.linalg.solve(lower.T, q).T
-        return mine, np.maximum(w, 0.0), basis
+        w, basis = np.maximum(w, 0.0), np.linalg.solve(lower.T, q).T
+
+        def log_likelihood(values: Array, s: Array) -> Array:
+            t = (observed - emulator.log_light(values)[:, mine]) @ basis.T
+            spread = 1.0 + s[:, None] ** 2 * w
+            return np.asarray(-0.5 * np.sum(t * t / spread + np.log(spread), axis=1))
+
+        return log_likelihood
 
 
 def _sample(
@@ -375,8 +400,7 @@ def _sample(
     """Samples [N, P] of the parameters, in the order of `priors`, and [N] of the discrepancy."""
     import emcee
 
-    mine, w, basis = data.prepared(of)
-    observed = data.log_light[mine]
+    likelihood = data.log_likelihood(emulator, of)
     names = tuple(priors)
     mean = np.log([priors[n].median for n in names])
     sigma = np.array([priors[n].sigma for n in names])
@@ -389,10 +413,7 @@ def _sample(
         inside &= (s > _LEAST_DISCREPANCY) & (s < _MOST_DISCREPANCY)
         out = np.full(len(points), -np.inf)
         if inside.any():
-            off = observed - emulator.log_light(asked[inside])[:, mine]
-            t = off @ basis.T
-            spread = 1.0 + s[inside, None] ** 2 * w
-            fit = -0.5 * np.sum(t * t / spread + np.log(spread), axis=1)
+            fit = likelihood(asked[inside], s[inside])
             prior = -0.5 * np.sum(((ln[inside] - mean) / sigma) ** 2, axis=1)
             # Half-normal in s; sampled in ln s.
             prior += -0.5 * (s[inside] / _DISCREPANCY) ** 2 + points[inside, -1]
