@@ -15,6 +15,7 @@ from specularia.cli import main
 from specularia.errors import CoverageError, PhysicsError
 from specularia.glass import BubbleKind, Face, Medium, Patch, Slab, closed_form, photometer
 from specularia.gonio import Table
+from specularia.surface import HeightMap
 
 THETA = (0.0, 60.0)
 APERTURE = 1.5
@@ -114,9 +115,32 @@ def test_absorption_and_polarisation_change_a_flat_pane_as_in_closed_form() -> N
 def test_what_is_unsure_of_the_pane_widens_its_own_step(budget: analysis.Budget) -> None:
     absorption = budget.steps[2]
     np.testing.assert_allclose(absorption.unsure, 0.1 * np.abs(absorption.effect))
-    np.testing.assert_allclose(budget.steps[4].unsure, 0.4 * np.abs(budget.steps[4].effect))
+    relief_ = next(s for s in budget.steps if s.name == "micro-relief")
+    np.testing.assert_allclose(relief_.unsure, 0.4 * np.abs(relief_.effect))
     assert not budget.steps[0].unsure.any()
     assert np.all(budget.remainder_half_width[:, 0] >= 1.96 * absorption.unsure[:, 0])
+
+
+def test_the_noise_of_heights_is_a_step_where_it_was_taken_off(
+    measured: list[Table], budget: analysis.Budget
+) -> None:
+    assert not next(s for s in budget.steps if s.name == "height noise").present
+    rough = 0.05 * np.random.default_rng(8).standard_normal((64, 64))  # slopes of 0.05
+    noisy = HeightMap(np.tile(relief(), (2, 2)) + np.tile(rough, (2, 2)), 1.5, 1.5)
+    face = Face.from_map(noisy, tiling="periodic", denoise=0.05)
+    clean = analysis.explain(replace(pane(), front=face), measured[:1], paths=32_000, aperture_deg=APERTURE)
+    order = ("endless", "polarisation", "absorption", "bubbles")
+    raw = analysis.explain(
+        replace(pane(), front=face.as_measured()),
+        measured[:1],
+        order=order,
+        paths=32_000,
+        aperture_deg=APERTURE,
+    )
+    step = next(s for s in clean.steps if s.name == "height noise")
+    np.testing.assert_array_equal(step.before, raw.steps[-1].after)
+    # Slopes of noise are gone, and the lobe with them is narrower.
+    assert step.effect[0, 1] < -5.0 * step.half_width[0, 1] / 1.96 < 0.0
 
 
 def test_the_two_largest_steps_are_taken_in_the_other_order_too(budget: analysis.Budget) -> None:

@@ -251,3 +251,17 @@ def test_tau_only_says_that_it_writes_no_model(tmp_path, command):
     code, out, err = command("glass", "trace", tmp_path / "glass.toml", *words)
     assert code == 0 and out["theta_deg"] == [0.0]
     assert "not written" in err and not (tmp_path / "c.nc").exists()
+
+
+def test_a_description_may_take_the_noise_off_its_maps(tmp_path):
+    noise = 0.01 * np.random.default_rng(1).standard_normal((32, 32))
+    np.save(tmp_path / "front.npy", noise)
+    text = 'thickness_mm = 3.0\n[front]\nheights = "front.npy"\npitch_um = 1.5\n{}\n[back]\nflat = true\n'
+    (tmp_path / "glass.toml").write_text(text.format("denoise = 0.01"))
+    front = read_slab(tmp_path / "glass.toml").front
+    np.testing.assert_array_equal(front.measured_um, noise)
+    assert front.heights_um.std() < 0.4 * noise.std()
+    # The file does not say how uncertain its heights are.
+    (tmp_path / "glass.toml").write_text(text.format("denoise = true"))
+    with pytest.raises(FormatError, match="state the noise"):
+        read_slab(tmp_path / "glass.toml")

@@ -155,7 +155,7 @@ def explain(
     order: Sequence[str] | None = None,
     unsure: Mapping[str, float] | None = None,
     aperture_deg: float = 0.3,
-    paths: int = 400_000,
+    paths: int = 1_000_000,
     seed: int = 0,
     wavelength_nm: float = 520.0,
 ) -> Budget:

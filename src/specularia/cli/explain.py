@@ -27,8 +27,8 @@ def explain(
             "--order",
             metavar="STEP,...",
             help="Steps in their order; those not named are left out. Without it all: endless, polarisation, "
-            "absorption, bubbles, micro-relief, diffraction (not for synthetic tables, which rays made), "
-            "tree, instrument.",
+            "absorption, bubbles, height noise, micro-relief, diffraction (not for synthetic tables, which "
+            "rays made), tree, instrument.",
         ),
     ] = None,
     patch: Annotated[float, typer.Option("--patch-mm", help="Width of the published finite patch.")] = 8.4,
@@ -46,7 +46,7 @@ def explain(
             help="Relative standard error of what absorption, bubbles or micro-relief bring in, as 0.1.",
         ),
     ] = None,
-    paths: Annotated[int, typer.Option("--paths", min=1000, help="For each state and angle.")] = 400_000,
+    paths: Annotated[int, typer.Option("--paths", min=1000, help="For each state and angle.")] = 1_000_000,
     wavelength: Annotated[float, typer.Option("--wavelength", help="Of the light, nm.")] = 520.0,
     seed: Seed = 0,
     as_json: Json = False,

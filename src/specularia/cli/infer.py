@@ -45,7 +45,7 @@ def infer(
     hold_out: Annotated[
         bool, typer.Option("--hold-out/--no-hold-out", help="Predict each inner angle from the others.")
     ] = True,
-    paths: Annotated[int, typer.Option("--paths", min=1000, help="For each trace and angle.")] = 100_000,
+    paths: Annotated[int, typer.Option("--paths", min=1000, help="For each trace and angle.")] = 160_000,
     wavelength: Annotated[float, typer.Option("--wavelength", help="Of the light, nm.")] = 520.0,
     seed: Seed = 0,
     as_json: Json = False,

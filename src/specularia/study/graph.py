@@ -160,6 +160,7 @@ def _model_c(job: StudyJob, seed: int) -> Stage:
             **job.trace.model_dump(exclude={"seed"}),
             "seed": seed,
             "tiling": job.surface.tiling if job.surface else None,
+            "denoise": job.surface.denoise if job.surface else False,
             **job.xml.model_dump(),
         },
         inputs={"settings": (job.glass.settings,), "named": slab.sources},
@@ -232,6 +233,7 @@ def _causes(name: str, run: Any, job: StudyJob, sources: Sources, seed: int) -> 
         "wavelength_nm": job.trace.wavelength_nm,
         "seed": seed,
         "tiling": job.surface.tiling if job.surface else None,
+        "denoise": job.surface.denoise if job.surface else False,
     }
     return Stage(name, run, parameters=parameters, **files)
 

@@ -91,6 +91,7 @@ StepName = Literal[
     "polarisation",
     "absorption",
     "bubbles",
+    "height noise",
     "micro-relief",
     "diffraction",
     "tree",
@@ -156,6 +157,10 @@ class SurfaceFiles(Job):
     tiling: Literal["periodic", "mirror", "blend"] = "mirror"
     """How the faces go on beyond their fields in the slab; see GLASS.toml. Measured maps do not repeat by
     themselves: mirror fits always, blend keeps the period short."""
+    denoise: bool | Annotated[float, Field(gt=0.0)] = False
+    """Whether Model C, [explain] and [infer] take the noise of the microscope off the heights first: true by
+    the uncertainty that a stack gives or a map holds, or so many um of it. The error budget begins with the
+    heights as they were measured, and has their noise as a step."""
 
     @model_validator(mode="after")
     def _one_at_least(self) -> SurfaceFiles:
@@ -228,7 +233,7 @@ class ExplainOptions(Job):
     """Full width at half maximum of the instrument's angular response."""
     unsure: dict[Literal["absorption", "bubbles", "micro-relief"], RelativeError] = Field({})
     """Relative standard errors of what these steps bring in, as { absorption = 0.1 }."""
-    paths: Annotated[int, Field(ge=1000)] = 400_000
+    paths: Annotated[int, Field(ge=1000)] = 1_000_000
     """For each state and angle."""
 
 
@@ -249,8 +254,8 @@ class InferOptions(Job):
     """Full width at half maximum of the instrument's angular response."""
     hold_out: bool = True
     """Whether each angle but the first and the last is also predicted from the others."""
-    paths: Annotated[int, Field(ge=1000)] = 100_000
-    """For each trace and angle."""
+    paths: Annotated[int, Field(ge=1000)] = 160_000
+    """For each trace and angle; a first design takes a quarter."""
 
 
 class RoomFile(Job):

@@ -198,6 +198,7 @@ def _text(found: _Found, unknown: Sequence[Path], written: set[str]) -> str:
         '# first_row = "bottom"       # or "top": whether row 0 of a slice is its lowest y',
         '# unit = "um"                # of the heights of maps that name none',
         'tiling = "mirror"            # how the faces go on beyond their fields: mirror, blend or periodic',
+        "# denoise = true             # without the noise of the microscope, which light takes for relief",
     ]
     parts = [
         "# A study of window glass. Run it with:  specularia study run STUDY.toml -o results\n"
@@ -256,7 +257,7 @@ def _text(found: _Found, unknown: Sequence[Path], written: set[str]) -> str:
                 "# resolution = 6             # of the tensor tree that it begins with",
                 "# aperture_deg = 0.3         # full width of the instrument's response",
                 "# unsure = { absorption = 0.1, bubbles = 0.3 }  # relative standard errors",
-                "# paths = 400_000            # for each state and angle",
+                "# paths = 1_000_000          # for each state and angle",
             ],
             False,
         ),
@@ -270,7 +271,7 @@ def _text(found: _Found, unknown: Sequence[Path], written: set[str]) -> str:
                 "# scale_error = 0.005        # of the scale that all tables share, relative",
                 "# aperture_deg = 0.3         # full width of the instrument's response",
                 "# hold_out = true            # predict each inner angle from the others",
-                "# paths = 100_000            # for each trace and angle",
+                "# paths = 160_000            # for each trace and angle",
             ],
             False,
         ),

@@ -19,6 +19,7 @@ LABELS: Final = {
     "polarisation": "polarisation",
     "absorption": "absorption",
     "bubbles": "bubbles",
+    "height noise": "noise of the heights",
     "micro-relief": "relief below the cut-off",
     "diffraction": "diffraction",
     "tree": "no tensor tree",

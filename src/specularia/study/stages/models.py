@@ -87,13 +87,26 @@ def _row(side: str, tree: Built, held: SideTable | None) -> tuple[list[str], lis
 
 
 def with_faces(work: Work, slab: Slab) -> Slab:
-    """The slab with the faces of the study in place of those that its own settings name."""
+    """The slab with the heights of the study in place of those that its own settings name.
+
+    What else the settings say of a face (fine relief, layers, a liquid) stays.
+    """
     from specularia import glass, surface
 
     for name, file in map_files(work).items():
         height_map = surface.read(file)
+        face: glass.Face = getattr(slab, name)
         changed: dict[str, Any] = {
-            name: glass.Face.from_map(height_map, tiling=work.parameters["tiling"], name=f"{name} face"),
+            name: glass.Face.from_map(
+                height_map,
+                tiling=work.parameters["tiling"],
+                name=f"{name} face",
+                max_missing=face.max_missing,
+                sealant_index=face.sealant_index,
+                micro_slope=face.micro_slope,
+                film=face.film,
+                denoise=work.parameters["denoise"],
+            ),
             "sources": (*slab.sources, file),
             "synthetic": slab.synthetic or "synthetic" in height_map.attributes,
         }
