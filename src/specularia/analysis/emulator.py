@@ -81,6 +81,9 @@ _ENCOUNTERS: Final = 0.04
 """Bubbles that a path meets on the mean in a trace, at least; in most panes it is far fewer, and a trace with
 as many as the pane has would hold little of their light. The paths are weighed back."""
 
+_STEP: Final = 1e-3
+"""Of the logarithm of a parameter, for derivatives."""
+
 _PILOT: Final = 1600
 """Paths from which the mean number of bubbles met is read."""
 
@@ -183,6 +186,8 @@ class Emulator:
         on the mean over the guesses.
     misfit : [cells of all angles] rms distance from the polynomial of guesses that it was made without, less
         the noise of both.
+    single : [cells of all angles] standard error of the logarithm by one trace.
+    weights : [guesses, T] of the traces of each guess in the coefficients.
     """
 
     features: Features
@@ -190,6 +195,8 @@ class Emulator:
     coefficients: Array
     noise: Array
     misfit: Array
+    single: Array
+    weights: Array
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -204,6 +211,19 @@ class Emulator:
     def log_light(self, values: Array) -> Array:
         """[..., cells] for values [..., P]."""
         return np.asarray(_matrix(self.features, values) @ self.coefficients)
+
+    def slopes(self, values: Array) -> tuple[Array, Array]:
+        """Derivatives of the logarithm by the logarithms of values [P], and what noise makes of them.
+
+        Returns
+        -------
+        [P, cells], and [P, P]: covariance of their errors in a cell over `single` squared.
+        """
+        up = values * np.exp(_STEP * np.eye(len(values)))
+        down = values * np.exp(-_STEP * np.eye(len(values)))
+        terms = (_matrix(self.features, up) - _matrix(self.features, down)) / (2.0 * _STEP)
+        by_guess = terms @ self.weights.T
+        return terms @ self.coefficients, by_guess @ by_guess.T
 
 
 def _matrix(features: Features, values: Array) -> Array:
@@ -277,7 +297,7 @@ def emulate(
     weights = np.linalg.pinv(matrix, rcond=_RANK).T.reshape(len(guesses), len(grid), -1).sum(axis=1)
     inner = fold >= 0 if len(guesses) > 1 else np.ones(len(fold), bool)
     leverage = float(np.mean(np.sum((matrix[inner] @ weights.T) ** 2, axis=1)))
-    cells, coefficients, noises, misfits = [], [], [], []
+    cells, coefficients, noises, misfits, singles = [], [], [], [], []
     for k, summary in enumerate(summaries):
         stack = np.array(light[k])
         mean = stack.mean(axis=1)
@@ -292,6 +312,7 @@ def emulate(
         coefficients.append(_fitted(matrix, logs))
         variance = np.mean(single[inner] ** 2, axis=0)
         noises.append(np.sqrt(leverage * variance))
+        singles.append(np.sqrt(variance))
         beyond = np.mean(off[inner] ** 2, axis=0)
         if len(guesses) > 1:
             beyond -= (1.0 + leverage) * variance
@@ -302,6 +323,8 @@ def emulate(
         np.hstack(coefficients),
         np.concatenate(noises),
         np.concatenate(misfits),
+        np.concatenate(singles),
+        weights,
     )
 
 

@@ -114,6 +114,9 @@ _LEAST_DISCREPANCY: Final = 0.02
 
 _MOST_DISCREPANCY: Final = 0.5
 
+_MOST_FEIGNED: Final = 0.9
+"""Share of what light tells that may be taken for noise of the traces."""
+
 _WALKERS, _STEPS, _BURN = 48, 1500, 500
 
 _DRAWS, _CLIMBS = 2000, 4
@@ -388,6 +391,34 @@ class _Data:
         return log_likelihood
 
 
+def _feigned(
+    emulator: Emulator, data: _Data, of: NDArray[np.bool_], values: Array, discrepancy: float
+) -> Array:
+    """[P, P] information on the logarithms of the emulator's parameters that is noise of the traces alone.
+
+    Noise makes slopes of the polynomial, and slopes are what tells parameters from light: of F = J K^-1 J^T,
+    noise alone gives a part on the mean, which tells nothing.
+    """
+    mine = of[data.angle]
+    _, noise = emulator.slopes(values)
+    k = np.diag(data.own[mine]) + data.scale + data.misfit[np.ix_(mine, mine)]
+    inverse = np.linalg.inv(k + discrepancy**2 * data.alike[np.ix_(mine, mine)])
+    return noise * float(np.sum(emulator.single[mine] ** 2 * np.diag(inverse)))
+
+
+def _widened(ln: Array, feigned: Array) -> Array:
+    """Samples [N, P] drawn apart around their mean, as if that information were not among theirs.
+
+    At most `_MOST_FEIGNED` of what they hold in any direction is taken off.
+    """
+    mean = ln.mean(axis=0)
+    half = np.linalg.cholesky(np.atleast_2d(np.cov(ln, rowvar=False)))
+    share, turn = np.linalg.eigh(half.T @ feigned @ half)
+    stretch = 1.0 / np.sqrt(1.0 - np.clip(share, 0.0, _MOST_FEIGNED))
+    steps = np.linalg.solve(half, (ln - mean).T)
+    return np.asarray(mean + (half @ (turn * stretch) @ (turn.T @ steps)).T)
+
+
 def _sample(
     emulator: Emulator,
     data: _Data,
@@ -438,7 +469,12 @@ def _sample(
         for _ in sampler.sample(start, iterations=_STEPS):
             progress.advance()
     flat = sampler.get_chain(discard=_BURN, thin=10, flat=True)
-    return np.exp(flat[:, :-1]), np.exp(flat[:, -1])
+    ln, discrepancy = flat[:, :-1], np.exp(flat[:, -1])
+    middle = _at(thickness_mm, names, np.exp(np.median(ln, axis=0)))
+    feigned = np.zeros((ln.shape[1], ln.shape[1]))
+    some = slice(0, low.size)
+    feigned[some, some] = _feigned(emulator, data, of, middle, float(np.median(discrepancy)))
+    return np.exp(_widened(ln, feigned)), discrepancy
 
 
 def _peak(
