@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -10,12 +11,14 @@ import numpy as np
 import pytest
 
 from specularia import analysis, gonio
-from specularia.analysis.emulator import emulate
+from specularia.analysis.emulator import FINE, emulate
 from specularia.analysis.infer_design import SECTORS, light_in_cells, measured_light, with_values
 from specularia.cli import main
 from specularia.errors import CoverageError, PhysicsError
 from specularia.glass import BubbleKind, Face, Medium, Slab, photometer, read_slab, trace_paths
 from specularia.gonio import Table, summarise_all
+
+infer_module = importlib.import_module("specularia.analysis.infer")  # the name is the function's too
 
 THETA = (0.0, 30.0, 60.0)
 APERTURE = 0.6
@@ -116,6 +119,51 @@ def test_the_polynomial_foretells_the_light_of_a_pane_that_was_not_traced(measur
     off = (foretold - mean[used]) / error
     assert np.sqrt(np.mean(off**2)) < 1.6
     assert foretold.sum() == pytest.approx(mean[used].sum(), rel=0.005)
+
+
+def test_two_polynomials_through_other_traces_differ_by_the_noise_that_each_states(
+    measured: list[Table],
+) -> None:
+    summaries = summarise_all(measured[:1], isotropic=True)
+    ranges = {"absorption_per_mm": (0.03, 0.09), "micro_slope_back": (0.07, 0.11)}
+    one, two = (
+        emulate(
+            pane(),
+            summaries,
+            ranges,
+            paths=16_000,
+            seed=s,
+            wavelength_nm=520.0,
+            aperture_deg=APERTURE,
+            design=FINE,
+        )
+        for s in (1, 2)
+    )
+    both = np.intersect1d(one.cells[0].used, two.cells[0].used)
+    a, b = (np.searchsorted(e.cells[0].used, both) for e in (one, two))
+    share = np.random.default_rng(3).random((40, 2))
+    low, high = np.array(list(ranges.values())).T
+    values = low + share * (high - low)
+    off = one.log_light(values)[:, a] - two.log_light(values)[:, b]
+    stated = np.hypot(one.noise[a], two.noise[b])
+    assert len(both) > 20
+    assert 0.7 < np.sqrt(np.mean((off / stated) ** 2)) < 1.4
+    # Several traces go into it: it is known better than one.
+    assert np.all(one.noise < one.single)
+
+
+def test_information_that_noise_feigns_widens_its_own_direction_alone() -> None:
+    rng = np.random.default_rng(5)
+    information = np.array([[4.0, 1.0], [1.0, 2.0]])
+    ln = rng.multivariate_normal([0.3, -1.0], np.linalg.inv(information), 200_000)
+    feigned = np.array([[1.0, 0.5], [0.5, 0.25]])  # one direction only
+    wide = infer_module._widened(ln, feigned)
+    np.testing.assert_allclose(np.linalg.inv(np.cov(wide.T)), information - feigned, atol=0.05)
+    np.testing.assert_allclose(wide.mean(axis=0), ln.mean(axis=0), atol=1e-9)
+    np.testing.assert_allclose(infer_module._widened(ln, np.zeros((2, 2))), ln, atol=1e-9)
+    # Never all of it.
+    widest = infer_module._widened(ln, 100.0 * information)
+    np.testing.assert_allclose(np.cov(widest.T), 10.0 * np.cov(ln.T), rtol=1e-6)
 
 
 def test_light_in_the_cells_of_a_table_is_that_of_the_paths_it_was_read_off(measured: list[Table]) -> None:
