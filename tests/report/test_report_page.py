@@ -62,7 +62,10 @@ def sections(lobe, tmp_path) -> list[Section]:
     return [
         Section(
             "First & foremost",
-            [Paragraph("No <script>alert(1)</script> runs."), Figure(tau, "Tau.", synthetic=True)],
+            [
+                Paragraph("No <script>alert(1)</script> runs.", ["nor <b>bold</b>"]),
+                Figure(tau, "Tau.", synthetic=True),
+            ],
         ),
         Section(
             "Second",
@@ -108,6 +111,7 @@ def test_pictures_and_numbers_are_embedded_byte_for_byte(sections, tmp_path):
 
 def test_figures_and_tables_are_numbered_in_their_order_and_text_is_escaped(sections, tmp_path):
     html = report.page("A <study>", sections, PROVENANCE, tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "<li>nor &lt;b&gt;bold&lt;/b&gt;</li>" in html
     text = Links(html).text
     assert re.findall(r"(?:Figure|Table) \d+\.", text) == [
         "Figure 1.",

@@ -83,7 +83,7 @@ def page(
 def _rendered(block: Block, counts: dict[str, int], folder: Path) -> dict[str, Any]:
     """What the template shows of a block."""
     if isinstance(block, Paragraph):
-        return {"kind": "paragraph", "text": block.text}
+        return {"kind": "paragraph", "text": block.text, "remarks": list(block.remarks)}
     word = "Table" if isinstance(block, TableBlock) else "Figure"
     counts[word] += 1
     out: dict[str, Any] = {

@@ -13,9 +13,16 @@ Cell = str | int | float | None
 
 @dataclass(frozen=True)
 class Paragraph:
-    """Running text; the page escapes it."""
+    """Running text; the page escapes it.
+
+    Parameters
+    ----------
+    text : the paragraph.
+    remarks : lines of a list below it, in small print.
+    """
 
     text: str
+    remarks: Sequence[str] = ()
 
 
 @dataclass(frozen=True)

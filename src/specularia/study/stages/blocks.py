@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 __all__ = ["drawn_table", "figure", "table", "text", "view", "with_error"]
 
 
-def text(words: str) -> dict[str, Any]:
-    """A paragraph."""
-    return {"kind": "text", "text": words}
+def text(words: str, remarks: Sequence[str] = ()) -> dict[str, Any]:
+    """A paragraph, and lines of a list below it."""
+    return {"kind": "text", "text": words, "remarks": list(remarks)}
 
 
 def figure(path: Path, caption: str, *, synthetic: bool, like: str = "") -> dict[str, Any]:

@@ -81,7 +81,7 @@ def measured(work: Work) -> Mapping[str, Any]:
     blocks = [table(csv, header, rows, caption, numbers=(columns, numbers), synthetic=synthetic)]
     remarks = [f"{s.table.label}: {'; '.join(s.warnings)}." for s in summaries if s.warnings]
     if remarks:
-        blocks.append(text(f"Of the tables. {' '.join(remarks)}"))
+        blocks.append(text("What reading the tables brought up:", remarks))
     shown = ([t for t in tables if t.kind == "transmission"] or tables)[:_PANELS]
     picture = figures.measured_dsf(shown, work.folder / "measured_dsf.png", synthetic=synthetic)
     angles = ", ".join(f"{t.theta_i_deg:g}" for t in shown)

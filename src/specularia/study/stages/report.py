@@ -103,7 +103,7 @@ def _block(block: Mapping[str, Any], source: Path, folder: Path) -> Block:
     from specularia.report.style import numbers_beside
 
     if block["kind"] == "text":
-        return Paragraph(block["text"])
+        return Paragraph(block["text"], block["remarks"])
     folder.mkdir(parents=True, exist_ok=True)
     if block["kind"] == "figure":
         path = shutil.copy2(source / block["path"], folder)
