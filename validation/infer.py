@@ -2,7 +2,7 @@
 
     python validation/infer.py [PANES [FIRST]]
 
-writes `infer.md` beside this file; about four minutes of one processor for each pane. The panes have another
+writes `infer.md` beside this file; about three minutes of one processor for each pane. The panes have another
 pixel pitch than the default's, bubbles of many sizes listed one by one, and heights that went through the
 simulated microscope; the priors are those of the program, not centred on the truth. All panes are synthetic.
 """
